@@ -1,0 +1,101 @@
+#pragma once
+// The bottom level: one tree per mesh, a closed set of structures behind one interface.
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "core/error.h"
+#include "core/math/hit.h"
+#include "core/mesh/object_ray.h"
+#include "core/mesh/triangle_mesh.h"
+
+namespace gridcast::blas {
+
+class BruteForce;
+class Bvh;
+class KdTree;
+class EmbreeTree;
+
+/// kAuto picks by a stated cost model: brute force for a handful of triangles, else a BVH.
+enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kKdTree, kEmbree };
+enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
+
+/// Names used on the wire and the command line: auto, brute_force, bvh, kd_tree, embree.
+[[nodiscard]] std::string_view to_string(StructureKind kind);
+[[nodiscard]] Result<StructureKind> parse_structure_kind(std::string_view name);
+/// midpoint, median, sah.
+[[nodiscard]] std::string_view to_string(BvhSplit split);
+[[nodiscard]] Result<BvhSplit> parse_bvh_split(std::string_view name);
+
+struct BuildOptions {
+  StructureKind kind = StructureKind::kAuto;
+  BvhSplit split = BvhSplit::kBinnedSah;  ///< used by the BVH alone
+};
+
+/// What a structure is made of, for `info` and `structure`.
+struct StructureStats {
+  StructureKind kind = StructureKind::kBruteForce;  ///< never kAuto
+  std::string reason;                               ///< why this kind was chosen, as a sentence
+  std::size_t triangle_count = 0;
+  std::size_t node_count = 0;
+  std::size_t leaf_count = 0;
+  std::size_t reference_count = 0;  ///< triangles counted once per leaf that holds them
+  std::size_t max_depth = 0;
+  std::size_t memory_bytes = 0;  ///< of the structure, without the mesh
+  double cost = 0.0;  ///< surface-area cost now, in triangle tests per random ray that meets the root box
+  double cost_at_build = 0.0;  ///< the same when it was last built
+  double build_ms = 0.0;
+  std::uint32_t refits_since_build = 0;
+};
+
+/// A mesh and its structure, immutable and shared by every instance of the mesh. Copies are cheap.
+class Blas {
+ public:
+  /// `mesh` is valid (mesh::validate). Builds in parallel on the calling arena.
+  /// kUnsupported when the kind is not compiled in or a library refuses; kCancelled on `stop`.
+  [[nodiscard]] static Result<Blas> build(std::shared_ptr<const mesh::TriangleMesh> mesh,
+                                          const BuildOptions& options, std::stop_token stop = {});
+
+  /// The same structure over moved vertices: same topology_version and triangle count as the mesh it was
+  /// built from. kUnsupported when this kind cannot refit (kd-tree): build instead.
+  [[nodiscard]] Result<Blas> refit(std::shared_ptr<const mesh::TriangleMesh> moved) const;
+  [[nodiscard]] bool can_refit() const;
+
+  [[nodiscard]] const mesh::TriangleMesh& mesh() const { return *mesh_; }
+  [[nodiscard]] const std::shared_ptr<const mesh::TriangleMesh>& mesh_ptr() const { return mesh_; }
+  [[nodiscard]] const Bounds3f& bounds() const { return bounds_; }
+  [[nodiscard]] const StructureStats& stats() const { return stats_; }
+  [[nodiscard]] const BuildOptions& options() const { return options_; }
+
+  /// Closest hit: replaces `best` when a triangle is closer by the tie rule (best.t starts as tfar).
+  /// `ray` was prepared with bounds(). True when `best` was replaced.
+  template <Precision kPrecision>
+  bool intersect(const mesh::ObjectRay& ray, Hit& best) const;
+
+  /// Any hit with t in [ray.tnear, tfar].
+  template <Precision kPrecision>
+  [[nodiscard]] bool occluded(const mesh::ObjectRay& ray, double tfar) const;
+
+  /// Checks every invariant of the structure against the mesh: boxes contain what is below them, every
+  /// triangle is reachable, links are in range. The error says what and where.
+  [[nodiscard]] Status validate() const;
+
+ private:
+  using Structure = std::variant<std::shared_ptr<const BruteForce>, std::shared_ptr<const Bvh>,
+                                 std::shared_ptr<const KdTree>, std::shared_ptr<const EmbreeTree>>;
+  Blas() = default;
+
+  std::shared_ptr<const mesh::TriangleMesh> mesh_;
+  Structure structure_;
+  Bounds3f bounds_;
+  BuildOptions options_;
+  StructureStats stats_;
+};
+
+}  // namespace gridcast::blas

@@ -1,0 +1,63 @@
+#include "core/math/affine.h"
+
+#include <glm/matrix.hpp>
+
+namespace gridcast {
+namespace {
+
+Mat3d abs(const Mat3d& m) {
+  return {glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2])};
+}
+
+bool is_finite(const Mat3d& m) {
+  return gridcast::is_finite(m[0]) && gridcast::is_finite(m[1]) && gridcast::is_finite(m[2]);
+}
+
+double largest_entry(const Mat3d& m) {
+  return std::max({max_abs(m[0]), max_abs(m[1]), max_abs(m[2])});
+}
+
+}  // namespace
+
+InstanceTransform::InstanceTransform(const Affine& world_from_object)
+    : world_from_object_(world_from_object) {
+  active_ = false;
+  const Mat3d& a = world_from_object.linear;
+  if (!is_finite(a) || !gridcast::is_finite(world_from_object.translation)) return;
+
+  // Scale by a power of two (exact) before inverting: the determinant of a 1e-150 scale would underflow.
+  const double largest = largest_entry(a);
+  if (!(largest > 0x1p-400 && largest < 0x1p400)) return;
+  const double scale = std::ldexp(1.0, -std::ilogb(largest));
+  const Mat3d inverse = glm::inverse(a * scale) * scale;
+  if (!is_finite(inverse)) return;
+
+  const double condition = largest_entry(abs(a) * abs(inverse));
+  if (!(condition <= kMaxCondition)) return;
+  object_from_world_linear_ = inverse;
+  condition_ = condition;
+  active_ = true;
+}
+
+Vec3d InstanceTransform::normal_to_world(const Vec3d& n) const {
+  // Scaled to unit size first, so that the squares in normalize() stay in range for tiny and huge meshes.
+  Vec3d world = glm::transpose(object_from_world_linear_) * (n / max_abs(n));
+  return glm::normalize(world / max_abs(world));
+}
+
+Bounds3d InstanceTransform::bounds_to_world(const Bounds3f& object) const {
+  if (object.empty()) return {};
+  const Vec3d center = 0.5 * (Vec3d(object.lower) + Vec3d(object.upper));
+  // Half the extent, grown so that center +- half covers lower and upper in spite of rounding.
+  const Vec3d half = (0.5 * (Vec3d(object.upper) - Vec3d(object.lower))) * (1.0 + 0x1p-50) +
+                     Vec3d(0x1p-50 * double(object.magnitude()));
+  const Vec3d world_center = world_from_object_.point(center);
+  const Vec3d world_half = abs(world_from_object_.linear) * half;
+  // Each sum above has at most four terms: 8 roundings of 2^-53 relative to the sum of magnitudes.
+  const Vec3d magnitude =
+      abs(world_from_object_.linear) * (glm::abs(center) + half) + glm::abs(world_from_object_.translation);
+  const Vec3d outward = 0x1p-50 * magnitude;
+  return {world_center - world_half - outward, world_center + world_half + outward};
+}
+
+}  // namespace gridcast

@@ -1,0 +1,64 @@
+#pragma once
+
+#include "core/error.h"
+#include "core/math/bounds.h"
+#include "core/math/vec.h"
+
+namespace gridcast {
+
+/// p -> linear * p + translation. Column-major like glTF: linear[0] is the image of the x axis.
+struct Affine {
+  Mat3d linear{1.0};
+  Vec3d translation{0.0};
+
+  [[nodiscard]] Vec3d point(const Vec3d& p) const { return linear * p + translation; }
+  [[nodiscard]] Vec3d vector(const Vec3d& v) const { return linear * v; }
+  friend bool operator==(const Affine&, const Affine&) = default;
+};
+
+/// (a * b).point(p) = a.point(b.point(p)).
+inline Affine operator*(const Affine& a, const Affine& b) {
+  return {a.linear * b.linear, a.point(b.translation)};
+}
+
+/// world_from_object with its stored inverse. Mirrored, sheared and non-uniform scales are fine;
+/// a singular matrix makes an inactive transform: nothing of it is ever hit.
+class InstanceTransform {
+ public:
+  InstanceTransform() = default;
+  /// Inactive when `world_from_object` is singular, not finite, or too ill conditioned to invert
+  /// (see condition()).
+  explicit InstanceTransform(const Affine& world_from_object);
+
+  [[nodiscard]] const Affine& world_from_object() const { return world_from_object_; }
+  [[nodiscard]] bool active() const { return active_; }
+
+  /// World to object. The translation is subtracted first, in double, so an instance a million
+  /// metres out is as accurate as one at the origin.
+  [[nodiscard]] Vec3d point_to_object(const Vec3d& p) const {
+    return object_from_world_linear_ * (p - world_from_object_.translation);
+  }
+  /// Not renormalised, so t stays comparable between instances.
+  [[nodiscard]] Vec3d vector_to_object(const Vec3d& v) const { return object_from_world_linear_ * v; }
+  /// Unit world normal of an object-space normal (any length): inverse transpose, normalised. Mirroring keeps
+  /// the side: the normal follows the surface's winding in object space.
+  [[nodiscard]] Vec3d normal_to_world(const Vec3d& n) const;
+
+  /// max norm of |A||A^-1|, the factor by which rounding errors of a round trip world -> object -> world
+  /// grow.
+  [[nodiscard]] double condition() const { return condition_; }
+
+  /// Conservative world box of `object` (outward by the rounding of this transform; empty stays empty).
+  [[nodiscard]] Bounds3d bounds_to_world(const Bounds3f& object) const;
+
+ private:
+  Affine world_from_object_;
+  Mat3d object_from_world_linear_{1.0};
+  double condition_ = 3.0;
+  bool active_ = true;
+};
+
+/// Largest condition() of an active transform: beyond it the inverse has fewer than ten good bits.
+inline constexpr double kMaxCondition = 0x1p43;
+
+}  // namespace gridcast

@@ -1,0 +1,99 @@
+#pragma once
+// Batches as columns: what enters and leaves the engine for many rays at once.
+
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+#include <vector>
+
+#include "core/math/hit.h"
+#include "core/math/ray.h"
+
+namespace gridcast {
+
+enum class ScalarType : std::uint8_t { kFloat32, kFloat64 };
+inline constexpr std::size_t size_bytes(ScalarType type) {
+  return type == ScalarType::kFloat32 ? 4 : 8;
+}
+
+/// A view of N rays as little-endian row-major [N, 6] (ox oy oz dx dy dz) or
+/// [N, 8] (ox oy oz tnear dx dy dz tfar). Owns nothing; the bytes need no alignment.
+/// `excluded`, when not empty, has N entries: the primitive each ray starts on and must not hit.
+struct RayBatch {
+  std::span<const std::byte> bytes;
+  ScalarType scalar = ScalarType::kFloat64;
+  std::size_t columns = 8;  ///< 6 or 8
+  std::span<const PrimitiveRef> excluded;
+
+  [[nodiscard]] std::size_t row_bytes() const { return columns * size_bytes(scalar); }
+  [[nodiscard]] std::size_t size() const { return bytes.size() / row_bytes(); }
+
+  [[nodiscard]] Ray operator[](std::size_t i) const {
+    double row[8];
+    if (scalar == ScalarType::kFloat64) {
+      std::memcpy(row, bytes.data() + i * row_bytes(), row_bytes());
+    } else {
+      float narrow[8];
+      std::memcpy(narrow, bytes.data() + i * row_bytes(), row_bytes());
+      for (std::size_t c = 0; c < columns; ++c) row[c] = double(narrow[c]);
+    }
+    if (columns == 6) return {{row[0], row[1], row[2]}, {row[3], row[4], row[5]}};
+    return {{row[0], row[1], row[2]}, {row[4], row[5], row[6]}, row[3], row[7]};
+  }
+};
+
+/// Which columns of HitColumns are wanted. `status` and `t` always are.
+enum class HitField : std::uint8_t {
+  kUv = 1,
+  kNormal = 2,
+  kInstanceId = 4,
+  kMeshId = 8,
+  kPrimitiveId = 16,
+  kAll = 31
+};
+inline constexpr HitField operator|(HitField a, HitField b) {
+  return HitField(std::uint8_t(a) | std::uint8_t(b));
+}
+inline constexpr bool has(HitField set, HitField one) {
+  return (std::uint8_t(set) & std::uint8_t(one)) != 0;
+}
+
+/// Answers in the order of the rays. A miss: t = +inf, ids = kInvalidId, uv and normal 0. Columns not
+/// asked for stay empty.
+struct HitColumns {
+  std::vector<RayStatus> status;
+  std::vector<double> t;
+  std::vector<float> uv;      ///< [N, 2]
+  std::vector<float> normal;  ///< [N, 3], unit, world space
+  std::vector<std::uint32_t> instance_id;
+  std::vector<std::uint32_t> mesh_id;
+  std::vector<std::uint32_t> primitive_id;
+
+  void resize(std::size_t n, HitField fields) {
+    status.assign(n, RayStatus::kMiss);
+    t.assign(n, std::numeric_limits<double>::infinity());
+    uv.assign(has(fields, HitField::kUv) ? 2 * n : 0, 0.F);
+    normal.assign(has(fields, HitField::kNormal) ? 3 * n : 0, 0.F);
+    instance_id.assign(has(fields, HitField::kInstanceId) ? n : 0, kInvalidId);
+    mesh_id.assign(has(fields, HitField::kMeshId) ? n : 0, kInvalidId);
+    primitive_id.assign(has(fields, HitField::kPrimitiveId) ? n : 0, kInvalidId);
+  }
+
+  /// Writes row i; each row is written by one thread.
+  void set(std::size_t i, const SurfaceHit& hit) {
+    status[i] = hit.status;
+    t[i] = hit.t;
+    if (!uv.empty()) {
+      uv[2 * i] = float(hit.u);
+      uv[2 * i + 1] = float(hit.v);
+    }
+    if (!normal.empty())
+      for (int c = 0; c < 3; ++c) normal[3 * i + std::size_t(c)] = float(hit.normal[c]);
+    if (!instance_id.empty()) instance_id[i] = hit.instance_id;
+    if (!mesh_id.empty()) mesh_id[i] = hit.mesh_id;
+    if (!primitive_id.empty()) primitive_id[i] = hit.primitive_id;
+  }
+};
+
+}  // namespace gridcast

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+
+#include "core/math/bounds.h"
+#include "core/math/ray.h"
+
+namespace gridcast::mesh {
+
+/// A ray prepared for one mesh, in the mesh's object space. It has two halves:
+///
+/// * the exact half (double): the ray as transformed, and the shear of the triangle test. It decides.
+/// * the culling half (float): a shifted and scaled copy of the ray whose box test is conservative.
+///   It only skips what provably cannot win, so answers do not depend on the structure that culls.
+///
+/// The culling half measures distance as s = t * cull_scale - cull_shift: the direction is scaled so
+/// that its largest component is 1, and the origin is moved to the mesh's box, so that floats have
+/// their full resolution there. Derivation of the pad: core/README.md, "Why culling never loses a hit".
+struct ObjectRay {
+  // Exact half.
+  Vec3d origin;
+  Vec3d direction;
+  double tnear;
+  double shear_x, shear_y;
+  int kx, ky,
+      kz;  ///< kz: axis of the largest direction component; winding is not preserved (no culling by side)
+  std::uint32_t instance_id;
+  std::uint32_t excluded_primitive;  ///< never hit: the triangle a secondary ray starts on; kInvalidId = none
+
+  // Culling half.
+  double cull_scale, cull_shift;
+  Vec3f cull_origin;
+  Vec3f cull_direction;
+  Vec3f inverse_direction;  ///< finite: components below 2^-24 are moved away from 0, which the pad covers
+  Vec3f near_offset;  ///< s at the near plane b of an axis is b * inverse_direction + near_offset, at most
+  Vec3f far_offset;   ///< s at the far plane b is b * inverse_direction + far_offset, at least
+  float cull_near;    ///< lower bound of s at tnear
+  float pad;          ///< how far (object units, per axis) a hit point may lie from its triangle's box
+
+  /// False when the ray provably misses `bounds` between tnear and tfar (then *this is unspecified).
+  /// `ray` is in object space and valid; `bounds` holds every vertex of the mesh.
+  bool prepare(const Ray& ray, const Bounds3f& bounds);
+
+  /// Upper bound of s at t: nothing at distance t or less lies beyond it.
+  [[nodiscard]] float cull_far(double t) const {
+    const double s = t * cull_scale - cull_shift;
+    return float(s + std::abs(s) * 0x1p-22) + pad;
+  }
+};
+
+/// Conservative slab test: true unless no point of a triangle inside `box` can be an accepted hit with
+/// s in [cull_near, s_far]. Sets `s_enter`, a lower bound of s of any such hit. Monotone: a box inside
+/// another never passes where the outer one fails, nor enters earlier. "Robust BVH Ray Traversal", T. Ize,
+/// 2013, is the idea; unlike the paper we pad by an absolute distance, which also absorbs the rounding of the
+/// origin and of zero direction components.
+inline bool intersect_box(const ObjectRay& ray, const Vec3f& lower, const Vec3f& upper, float s_far,
+                          float& s_enter) {
+  float enter = ray.cull_near;
+  float exit = s_far;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float inverse = ray.inverse_direction[axis];
+    const float near_plane = inverse >= 0.F ? lower[axis] : upper[axis];
+    const float far_plane = inverse >= 0.F ? upper[axis] : lower[axis];
+    enter = std::max(enter, near_plane * inverse + ray.near_offset[axis]);
+    exit = std::min(exit, far_plane * inverse + ray.far_offset[axis]);
+  }
+  s_enter = enter;
+  return enter <= exit;
+}
+
+}  // namespace gridcast::mesh

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace gridcast::render {
+
+/// One layer of a picture: float or integer samples, row by row from the top, `channels` interleaved.
+struct Layer {
+  std::string name;                   ///< color, depth, normal, instance_id, mesh_id, primitive_id
+  std::vector<std::string> channels;  ///< R G B A; Z; X Y Z; id
+  std::vector<float> values;          ///< [height, width, channels]; empty for id layers
+  std::vector<unsigned> ids;          ///< [height, width]; empty for float layers; kInvalidId = background
+};
+
+/// A finished picture. Colour is linear and alpha is coverage; depth is t in metres along the unit ray,
+/// +inf for background; normals are unit in world space, 0 for background.
+struct Film {
+  int width_px = 0;
+  int height_px = 0;
+  std::vector<Layer> layers;
+
+  [[nodiscard]] const Layer* find(const std::string& name) const {
+    for (const Layer& layer : layers)
+      if (layer.name == name) return &layer;
+    return nullptr;
+  }
+};
+
+}  // namespace gridcast::render

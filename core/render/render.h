@@ -1,0 +1,43 @@
+#pragma once
+
+#include <stop_token>
+#include <string_view>
+#include <vector>
+
+#include "core/error.h"
+#include "core/render/film.h"
+#include "core/scene/scene.h"
+
+namespace gridcast::render {
+
+/// kWhitted is the lecture's loop: primary ray, closest hit, shadow rays, shading, reflection and refraction
+/// to max_depth, background. The others write one quantity and trace primary rays only.
+enum class Integrator : std::uint8_t { kWhitted, kDepth, kNormal, kId };
+[[nodiscard]] std::string_view to_string(Integrator integrator);  ///< whitted, depth, normal, id
+[[nodiscard]] Result<Integrator> parse_integrator(std::string_view name);
+
+/// Layers beside colour that a picture may hold; all come from the first sample at the pixel's centre.
+enum class LayerKind : std::uint8_t { kColor, kDepth, kNormal, kInstanceId, kMeshId, kPrimitiveId };
+[[nodiscard]] std::string_view to_string(LayerKind layer);
+[[nodiscard]] Result<LayerKind> parse_layer(std::string_view name);
+
+struct RenderSettings {
+  scene::Camera camera;
+  int width_px = 640;
+  int height_px = 480;
+  Integrator integrator = Integrator::kWhitted;
+  std::vector<LayerKind> layers;  ///< beside the integrator's own; duplicates are ignored
+  int samples = 1;                ///< per pixel, stratified; the same settings always give the same bits
+  int max_depth = 4;              ///< reflections and refractions after the primary ray
+  Precision precision = Precision::kRobust;
+};
+
+/// Sizes and counts in range (1 to 16384 pixels a side, 1 to 4096 samples, 0 to 64 bounces).
+[[nodiscard]] Status validate(const RenderSettings& settings);
+
+/// Renders tile by tile over all cores. A scene without lights gets a sun, a sky and a weak head light.
+/// Errors: invalid settings, kCancelled (checked at every tile).
+[[nodiscard]] Result<Film> render(const scene::Scene& scene, const RenderSettings& settings,
+                                  std::stop_token stop = {}, const scene::ProgressCallback& progress = {});
+
+}  // namespace gridcast::render

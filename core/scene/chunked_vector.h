@@ -1,0 +1,39 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+namespace gridcast::scene {
+
+/// A vector in shared chunks: a copy shares every chunk, writing to one element copies its chunk alone.
+/// Reading is safe from any thread; writing needs the only reference to this copy.
+template <class T, std::size_t kChunk = 256>
+class ChunkedVector {
+ public:
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] const T& operator[](std::size_t i) const { return (*chunks_[i / kChunk])[i % kChunk]; }
+
+  /// A reference to write through; copies the chunk when another vector shares it.
+  [[nodiscard]] T& write(std::size_t i) {
+    std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
+    if (chunk.use_count() != 1) chunk = std::make_shared<Chunk>(*chunk);
+    return (*chunk)[i % kChunk];
+  }
+  void push_back(T value) {
+    if (size_ % kChunk == 0) chunks_.push_back(std::make_shared<Chunk>());
+    ++size_;
+    write(size_ - 1) = std::move(value);
+  }
+  [[nodiscard]] std::size_t memory_bytes() const {
+    return chunks_.capacity() * sizeof(chunks_[0]) + chunks_.size() * sizeof(Chunk);
+  }
+
+ private:
+  using Chunk = std::array<T, kChunk>;
+  std::vector<std::shared_ptr<Chunk>> chunks_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace gridcast::scene

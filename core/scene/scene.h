@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "core/blas/blas.h"
+#include "core/math/affine.h"
+#include "core/scene/chunked_vector.h"
+#include "core/scene/scene_data.h"
+#include "core/tlas/top_level.h"
+
+namespace gridcast::scene {
+
+/// A slot of the scene; instance_id is its index. A removed instance leaves a dead slot: ids are never
+/// reused.
+struct Instance {
+  InstanceTransform transform;
+  std::uint32_t mesh_id = kInvalidId;
+  bool alive = true;
+};
+
+/// An immutable snapshot. Any number of threads may query one while newer ones are made; snapshots share
+/// all that an update did not touch.
+class Scene {
+ public:
+  [[nodiscard]] std::uint64_t version() const { return version_; }
+
+  [[nodiscard]] std::size_t mesh_count() const { return blas_.size(); }
+  [[nodiscard]] const blas::Blas& blas(std::uint32_t mesh_id) const { return blas_[mesh_id]; }
+  [[nodiscard]] std::size_t instance_slots() const { return instances_.size(); }
+  [[nodiscard]] std::size_t instance_count() const { return live_instances_; }
+  /// Null for an id out of range or a removed instance.
+  [[nodiscard]] const Instance* find_instance(std::uint32_t instance_id) const;
+  [[nodiscard]] const Instance& instance(std::uint32_t instance_id) const { return instances_[instance_id]; }
+  [[nodiscard]] const std::string& instance_name(std::uint32_t instance_id) const;
+
+  [[nodiscard]] const tlas::TopLevel& top_level() const { return top_level_; }
+  [[nodiscard]] Bounds3d bounds() const;  ///< world box of all active instances, conservative
+  [[nodiscard]] std::uint64_t world_triangle_count() const;  ///< triangles times instances
+  [[nodiscard]] std::uint64_t stored_triangle_count() const;
+  [[nodiscard]] std::size_t memory_bytes() const;
+  /// What the file held beside geometry: materials, cameras, lights, nodes, skins, animations, warnings.
+  /// Its `meshes` and `instances` are those of the file, not of this version.
+  [[nodiscard]] const SceneData& data() const { return *data_; }
+
+  /// Every invariant of the structures of both levels (slow; for tests and debugging).
+  [[nodiscard]] Status validate() const;
+
+ private:
+  friend class SceneEditor;  // makes every new version: build_scene and apply_update
+  std::uint64_t version_ = 1;
+  std::vector<blas::Blas> blas_;
+  ChunkedVector<Instance> instances_;
+  ChunkedVector<std::string> instance_names_;
+  std::size_t live_instances_ = 0;
+  tlas::TopLevel top_level_;
+  std::shared_ptr<const SceneData> data_;
+};
+
+using ProgressCallback =
+    std::function<void(double fraction)>;  ///< called from any thread, fraction in [0, 1]
+
+struct SceneBuildOptions {
+  blas::BuildOptions blas;
+  std::stop_token stop;
+  ProgressCallback progress;
+};
+
+/// Version 1 of a scene: structures built in parallel, once per mesh. Instances whose transform is singular
+/// are kept (they count, they keep their id) but never hit; a warning names them. Errors: an invalid mesh or
+/// mesh_id (`/meshes/3/positions/17`), kCancelled.
+[[nodiscard]] Result<std::shared_ptr<const Scene>> build_scene(SceneData data,
+                                                               const SceneBuildOptions& options = {});
+
+}  // namespace gridcast::scene

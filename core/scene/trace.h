@@ -1,0 +1,33 @@
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "core/math/ray_batch.h"
+#include "core/scene/scene.h"
+
+namespace gridcast::scene {
+
+/// Closest hit of one world ray. Invalid rays get RayStatus::kInvalid. Never fails, never throws.
+/// `excluded`: the primitive the ray starts on.
+[[nodiscard]] SurfaceHit intersect(const Scene& scene, const Ray& ray,
+                                   Precision precision = Precision::kRobust, PrimitiveRef excluded = {});
+
+/// Whether anything lies in [tnear, tfar]: kHit, kMiss or kInvalid.
+[[nodiscard]] RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision = Precision::kRobust,
+                                 PrimitiveRef excluded = {});
+
+struct TraceOptions {
+  Precision precision = Precision::kRobust;
+  HitField fields = HitField::kAll;
+  std::stop_token stop;  ///< checked at least every 4,096 rays
+  ProgressCallback progress;
+};
+
+/// A batch over all cores, answers in the order of the rays. Only error: kCancelled.
+[[nodiscard]] Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays,
+                                           const TraceOptions& options);
+[[nodiscard]] Result<std::vector<RayStatus>> occluded(const Scene& scene, const RayBatch& rays,
+                                                      const TraceOptions& options);
+
+}  // namespace gridcast::scene
