@@ -1,0 +1,78 @@
+"""The arrows of the architecture, as tables. check_layering.py reads the code against them.
+
+Paths are relative to the repository. A place is a folder (ends with "/") or a file; the longest place that a
+file lies in decides for it.
+"""
+
+# What the files of a place may include of ours. A folder may always include its own headers.
+ARROWS = {
+    "core/error.h": [],
+    "core/math/": ["core/error.h"],
+    "core/mesh/": ["core/error.h", "core/math/"],
+    "core/blas/": ["core/error.h", "core/math/", "core/mesh/"],
+    "core/tlas/": ["core/error.h", "core/math/"],
+    "core/scene/": ["core/error.h", "core/math/", "core/mesh/", "core/blas/", "core/tlas/"],
+    "core/render/": ["core/error.h", "core/math/", "core/mesh/", "core/blas/", "core/tlas/", "core/scene/"],
+    # A picture file is written from a film; io knows nothing else of render.
+    "core/io/": ["core/error.h", "core/math/", "core/mesh/", "core/scene/", "core/render/film.h"],
+    "core/measure/": ["core/"],
+    # The contract with clients knows values, never a structure or the scene.
+    "proto/": ["core/error.h", "core/math/"],
+    "server/": ["core/", "proto/"],
+    "tests/support/": ["core/", "proto/"],
+    "tests/": ["core/", "proto/", "server/", "tests/"],
+}
+
+# Where a third-party header may be included: first matching prefix of the name between < and >.
+THIRD_PARTY = {
+    "glm/": ["core/math/"],
+    "OpenMesh/": ["core/mesh/"],
+    "embree3/": ["core/blas/embree_tree.cpp"],
+    "embree4/": ["core/blas/embree_tree.cpp"],
+    "tbb/": ["core/mesh/", "core/blas/", "core/tlas/", "core/scene/", "core/render/", "core/measure/",
+             "tests/"],
+    "oneapi/": [],
+    "hwy/": ["core/blas/"],
+    "tiny_gltf.h": ["core/io/"],
+    "draco/": ["core/io/"],
+    "meshoptimizer.h": ["core/io/"],
+    "OpenEXR/": ["core/io/", "tests/unit/io/"],
+    "Imath/": ["core/io/", "tests/unit/io/"],
+    "Imf": ["core/io/", "tests/unit/io/"],
+    "png.h": ["core/io/", "tests/unit/io/"],
+    "simdjson.h": ["core/io/", "proto/"],
+    "nlohmann/": ["core/io/", "proto/", "server/", "tests/"],
+    "httplib.h": ["server/"],
+    "CLI/": ["server/"],
+    "spdlog/": ["server/"],
+    "fmt/": ["server/"],
+    "prometheus/": ["server/"],
+    "sqlite3.h": ["server/"],
+    "gtest/": ["tests/"],
+    "gmock/": ["tests/"],
+    "rapidcheck": ["tests/"],
+    "benchmark/": ["tests/"],
+    "boost/multiprecision/": ["tests/"],
+    "gmp": ["tests/"],
+}
+
+# Libraries that one file alone may include, wherever that file is: {prefix: how many}.
+ONE_FILE_ONLY = {"httplib.h": 1, "embree3/": 1, "sqlite3.h": 1}
+
+# System headers (POSIX): who talks to the operating system.
+SYSTEM = {
+    "fcntl.h": ["core/io/", "server/", "tests/"],
+    "unistd.h": ["core/io/", "server/", "tests/"],
+    "sys/stat.h": ["core/io/", "server/", "tests/"],
+    "sys/": ["server/", "tests/"],
+    "netinet/": ["server/", "tests/"],
+    "arpa/": ["server/", "tests/"],
+    "poll.h": ["server/", "tests/"],
+    "signal.h": ["server/", "tests/"],
+    "immintrin.h": ["core/blas/", "core/tlas/"],
+}
+
+# core never prints: the streams of the standard library stay outside of it.
+STANDARD = {"iostream": ["server/", "tests/"]}
+
+MAX_LINES = 400
