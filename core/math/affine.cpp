@@ -25,9 +25,14 @@ InstanceTransform::InstanceTransform(const Affine& world_from_object)
   const Mat3d& a = world_from_object.linear;
   if (!is_finite(a) || !gridcast::is_finite(world_from_object.translation)) return;
 
-  // Scale by a power of two (exact) before inverting: the determinant of a 1e-150 scale would underflow.
+  // The exact arithmetic of the triangle test relies on object-space rays in a bounded range
+  // (core/math/exact.h).
   const double largest = largest_entry(a);
-  if (!(largest > 0x1p-400 && largest < 0x1p400)) return;
+  if (!(largest >= kMinScale && largest <= kMaxScale &&
+        max_abs(world_from_object.translation) <= kMaxTranslation))
+    return;
+  // Scaled by a power of two (exact) before inverting, so that the determinant of a tiny scale does not
+  // underflow.
   const double scale = std::ldexp(1.0, -std::ilogb(largest));
   const Mat3d inverse = glm::inverse(a * scale) * scale;
   if (!is_finite(inverse)) return;

@@ -26,8 +26,8 @@ inline Affine operator*(const Affine& a, const Affine& b) {
 class InstanceTransform {
  public:
   InstanceTransform() = default;
-  /// Inactive when `world_from_object` is singular, not finite, or too ill conditioned to invert
-  /// (see condition()).
+  /// Inactive when `world_from_object` is singular, not finite, out of range (kMinScale to kMaxScale,
+  /// kMaxTranslation) or too ill conditioned to invert (kMaxCondition).
   explicit InstanceTransform(const Affine& world_from_object);
 
   [[nodiscard]] const Affine& world_from_object() const { return world_from_object_; }
@@ -60,5 +60,10 @@ class InstanceTransform {
 
 /// Largest condition() of an active transform: beyond it the inverse has fewer than ten good bits.
 inline constexpr double kMaxCondition = 0x1p43;
+
+/// Range of the largest entry of an active transform's linear part, and of its translation in metres.
+inline constexpr double kMinScale = 0x1p-100;
+inline constexpr double kMaxScale = 0x1p100;
+inline constexpr double kMaxTranslation = 0x1p100;
 
 }  // namespace gridcast

@@ -51,7 +51,9 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
   const Vec3d d = direction / cull_scale;
   const double box_size = double(bounds.magnitude());
   const double origin_size = max_abs(origin);
-  const double clip_pad = 0x1p-46 * (origin_size + box_size) + 0x1p-100;
+  distance = origin_size + box_size;
+  side_error = 0x1p-45 * distance * distance;
+  const double clip_pad = 0x1p-46 * distance + 0x1p-100;
   const Interval s = clip(origin, d, bounds, clip_pad);
   const double s_near = tnear * cull_scale;
   const double s_far = ray.tfar * cull_scale;

@@ -23,8 +23,9 @@ struct ObjectRay {
   Vec3d direction;
   double tnear;
   double shear_x, shear_y;
-  int kx, ky,
-      kz;  ///< kz: axis of the largest direction component; winding is not preserved (no culling by side)
+  int kx, ky, kz;     ///< kz: axis of the largest direction component; kx, ky follow it cyclically
+  double distance;    ///< upper bound of |p - origin| per axis over the mesh
+  double side_error;  ///< bound of the rounding of any edge function of the mesh (see triangle_test.cpp)
   std::uint32_t instance_id;
   std::uint32_t excluded_primitive;  ///< never hit: the triangle a secondary ray starts on; kInvalidId = none
 

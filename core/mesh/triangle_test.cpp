@@ -2,51 +2,60 @@
 
 #include <algorithm>
 
+#include "core/math/exact.h"
+
 namespace gridcast::mesh::detail {
 namespace {
 
-// 113 bits hold every product below exactly for coordinates that span up to 2^20 of scale.
-#ifdef __SIZEOF_FLOAT128__
-__extension__ using Quad = __float128;
-#else
-using Quad = long double;
-#endif
+/// Edge functions: twice the areas that the ray cuts off, u opposite p0, v opposite p1, w opposite p2.
+struct Sides {
+  double u, v, w;
+  [[nodiscard]] bool mixed() const { return std::min({u, v, w}) < 0.0 && std::max({u, v, w}) > 0.0; }
+  [[nodiscard]] double smallest() const { return std::min({std::abs(u), std::abs(v), std::abs(w)}); }
+};
+
+/// Accurate for the sheared points as they are rounded.
+Sides rounded_sides(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+  return {difference_of_products(c.x, b.y, c.y, b.x), difference_of_products(a.x, c.y, a.y, c.x),
+          difference_of_products(b.x, a.y, b.y, a.x)};
+}
+
+/// Accurate for the ray and the triangle as given; the scale differs from rounded_sides by direction[kz].
+Sides exact_sides(const ObjectRay& ray, const Vec3f& p0, const Vec3f& p1, const Vec3f& p2) {
+  const Vec3d a(p0);
+  const Vec3d b(p1);
+  const Vec3d c(p2);
+  return {exact_side(ray.direction, ray.origin, c, b), exact_side(ray.direction, ray.origin, a, c),
+          exact_side(ray.direction, ray.origin, b, a)};
+}
 
 }  // namespace
 
-bool is_edge_on(const Vec3d& direction, const Vec3f& p0, const Vec3f& p1, const Vec3f& p2) {
-  Quad e1[3];
-  Quad e2[3];
-  for (int axis = 0; axis < 3; ++axis) {
-    e1[axis] = Quad(p1[axis]) - Quad(p0[axis]);
-    e2[axis] = Quad(p2[axis]) - Quad(p0[axis]);
-  }
-  const Quad volume = (e1[1] * e2[2] - e1[2] * e2[1]) * Quad(direction.x) +
-                      (e1[2] * e2[0] - e1[0] * e2[2]) * Quad(direction.y) +
-                      (e1[0] * e2[1] - e1[1] * e2[0]) * Quad(direction.z);
-  return volume == Quad(0);
-}
-
-bool finish_robust(const ObjectRay& ray, const Vec3d sheared[3], const Vec3f& p0, const Vec3f& p1,
-                   const Vec3f& p2, TriangleHit& hit) {
-  const Vec3d& a = sheared[0];
-  const Vec3d& b = sheared[1];
-  const Vec3d& c = sheared[2];
-  const double u = difference_of_products(c.x, b.y, c.y, b.x);
-  const double v = difference_of_products(a.x, c.y, a.y, c.x);
-  const double w = difference_of_products(b.x, a.y, b.y, a.x);
-  if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0)) return false;
-  const double determinant = u + v + w;
+// Rounding of an edge function. With unit roundoff r = 2^-53 and D = ray.distance >= |p - o| per axis, a
+// sheared coordinate (two subtractions, a product, a rounded shear of at most 1) is off by at most 6 r D < e
+// = 2^-50 D. The products then add at most 4 r m^2, with m the largest sheared coordinate, m <= 2 D. Together
+//   |error| <= 4 e m + 2 e^2 + 4 r m^2 < 8 e (m + e),
+// and with m <= 2 D that is below 2^-45 D^2 = ray.side_error.
+bool finish_robust(const ObjectRay& ray, const std::array<Vec3d, 3>& sheared, const Vec3f& p0,
+                   const Vec3f& p1, const Vec3f& p2, TriangleHit& hit) {
+  const auto& [a, b, c] = sheared;
+  Sides sides = rounded_sides(a, b, c);
+  const double m =
+      std::max({std::abs(a.x), std::abs(a.y), std::abs(b.x), std::abs(b.y), std::abs(c.x), std::abs(c.y)});
+  const double e = 0x1p-50 * ray.distance;
+  if (sides.smallest() <= 8.0 * e * (m + e)) sides = exact_sides(ray, p0, p1, p2);
+  if (sides.mixed()) return false;
+  // All of one sign or 0: the sum is 0 only when all are, for a ray in the triangle's plane or a triangle
+  // that it sees as a point. A triangle without area never comes here with sides of one sign.
+  const double determinant = sides.u + sides.v + sides.w;
   if (determinant == 0.0) return false;
 
-  // The sheared points carry errors of a few 2^-53 of `size`, so an area below this may stand for 0.
-  const double size = std::max({max_abs(a), max_abs(b), max_abs(c)});
-  if (std::abs(determinant) <= 0x1p-45 * size * size && is_edge_on(ray.direction, p0, p1, p2)) return false;
-
   // Depth relative to one vertex: exact when all three depths agree, accurate when they are close.
-  const double z = a.z + (v * (b.z - a.z) + w * (c.z - a.z)) / determinant;
-  const auto [nearest, farthest] = std::minmax({a.z, b.z, c.z});
-  hit = {std::clamp(z, nearest, farthest) / ray.direction[ray.kz], v / determinant, w / determinant};
+  const double z = a.z + (sides.v * (b.z - a.z) + sides.w * (c.z - a.z)) / determinant;
+  const double nearest = std::min({a.z, b.z, c.z});
+  const double farthest = std::max({a.z, b.z, c.z});
+  hit = {std::clamp(z, nearest, farthest) / ray.direction[ray.kz], sides.v / determinant,
+         sides.w / determinant};
   return true;
 }
 

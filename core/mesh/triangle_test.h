@@ -2,6 +2,9 @@
 // The two triangle tests. Everything that reports a hit goes through intersect_triangle, so every
 // structure gives the same bits.
 
+#include <algorithm>
+#include <array>
+
 #include "core/math/hit.h"
 #include "core/mesh/object_ray.h"
 
@@ -13,24 +16,6 @@ struct TriangleHit {
 
 namespace detail {
 
-/// a*b - c*d within 1.5 ulp, so its sign is exact and it is 0 only when the true value is.
-/// "Further analysis of Kahan's algorithm for the accurate computation of 2x2 determinants",
-/// C.-P. Jeannerod, 2013.
-inline double difference_of_products(double a, double b, double c, double d) {
-  const double cd = c * d;
-  const double error = std::fma(-c, d, cd);
-  return std::fma(a, b, -cd) + error;
-}
-
-/// Whether the ray lies in the triangle's plane or the triangle has no area: the exact value of
-/// (p1-p0)x(p2-p0) . direction is 0. Called only when the projected area is within rounding of 0.
-bool is_edge_on(const Vec3d& direction, const Vec3f& p0, const Vec3f& p1, const Vec3f& p2);
-
-/// The rest of the robust test, for the few triangles that pass the sign test: weights of 2x2
-/// determinants without cancellation, and t from the interpolated depth.
-bool finish_robust(const ObjectRay& ray, const Vec3d sheared[3], const Vec3f& p0, const Vec3f& p1,
-                   const Vec3f& p2, TriangleHit& hit);
-
 /// p - origin, sheared so that the ray runs along +z through (0, 0); z is not scaled.
 /// A function of ray and vertex alone: neighbours see the same point, bit for bit.
 inline Vec3d shear(const ObjectRay& ray, const Vec3f& p) {
@@ -39,26 +24,27 @@ inline Vec3d shear(const ObjectRay& ray, const Vec3f& p) {
           (double(p[ray.ky]) - ray.origin[ray.ky]) - ray.shear_y * z, z};
 }
 
+/// The rest of the robust test, for the few triangles that the filter does not reject.
+bool finish_robust(const ObjectRay& ray, const std::array<Vec3d, 3>& sheared, const Vec3f& p0,
+                   const Vec3f& p1, const Vec3f& p2, TriangleHit& hit);
+
 }  // namespace detail
 
-/// Watertight test, "Watertight Ray/Triangle Intersection", S. Woop, 2013, in double instead of float:
-/// the shear decides which side of each edge the ray passes, with exact signs, so that triangles
-/// sharing an edge or a vertex leave no gap. Unlike the paper, equal products are decided by an error-free
-/// product instead of a wider type, and the weights come from the same product, so the hit is the exact
-/// one of a ray moved sideways by a few 2^-52 of the distance.
-/// The range [tnear, tfar] is not looked at here.
+/// Whether the object-space ray, exactly as given, meets the closed triangle: decided without error, so
+/// neighbours leave no gap at edges or vertices, and a triangle without area or one that the ray runs
+/// along is not hit. "Watertight Ray/Triangle Intersection", S. Woop, 2013, gives the form; unlike the paper
+/// we shear in double, bound the rounding of every sign, and evaluate the undecided ones exactly. (u, v) and
+/// t are those of a ray moved sideways by a few 2^-52 of the distance. The range [tnear, tfar] is not looked
+/// at here.
 inline bool intersect_triangle_robust(const ObjectRay& ray, const Vec3f& p0, const Vec3f& p1, const Vec3f& p2,
                                       TriangleHit& hit) {
-  const Vec3d sheared[3] = {detail::shear(ray, p0), detail::shear(ray, p1), detail::shear(ray, p2)};
+  const std::array<Vec3d, 3> sheared{detail::shear(ray, p0), detail::shear(ray, p1), detail::shear(ray, p2)};
   const auto& [a, b, c] = sheared;
-  // The sign of a rounded difference of rounded products is right unless the products are equal,
-  // because rounding is monotone; equal ones are left to finish_robust.
-  const double u0 = c.x * b.y, u1 = c.y * b.x;
-  const double v0 = a.x * c.y, v1 = a.y * c.x;
-  const double w0 = b.x * a.y, w1 = b.y * a.x;
-  const bool negative = u0 < u1 || v0 < v1 || w0 < w1;
-  const bool positive = u0 > u1 || v0 > v1 || w0 > w1;
-  if (negative && positive) return false;
+  const double u = c.x * b.y - c.y * b.x;
+  const double v = a.x * c.y - a.y * c.x;
+  const double w = b.x * a.y - b.y * a.x;
+  const double error = ray.side_error;
+  if (std::min({u, v, w}) < -error && std::max({u, v, w}) > error) return false;
   return detail::finish_robust(ray, sheared, p0, p1, p2, hit);
 }
 

@@ -58,6 +58,51 @@ TEST(TriangleTest, a_ray_in_the_plane_of_the_triangle_does_not_hit_it) {
   }
 }
 
+TEST(TriangleTest, in_plane_rays_miss_even_when_the_shear_rounds) {
+  // The plane x = 3y: the shear by 1/5 and 3/5 is inexact, so the sheared triangle has a little area.
+  TriangleMesh mesh;
+  mesh.positions = {{3, 1, 0}, {-3, -1, 1}, {6, 2, 7}};
+  mesh.triangles = {{0, 1, 2}};
+  const auto [p0, p1, p2] = mesh.corners(0);
+  Random random(test::seed_or(3));
+  for (int i = 0; i < 2000; ++i) {
+    const auto y = double(random.below(9)) - 4.0, z = double(random.below(9)) - 4.0;
+    const auto dy = double(random.below(21)) - 10.0, dz = double(random.below(21)) - 10.0;
+    const Ray ray{{3.0 * y, y, z}, {3.0 * dy, dy, dz}};
+    ObjectRay object_ray;
+    if (!is_valid(ray) || !object_ray.prepare(ray, mesh.bounds())) continue;
+    TriangleHit hit;
+    ASSERT_FALSE(intersect_triangle_robust(object_ray, p0, p1, p2, hit))
+        << y << " " << z << " " << dy << " " << dz;
+  }
+}
+
+TEST(TriangleTest, a_triangle_without_area_is_never_hit) {
+  Random random(test::seed_or(4));
+  for (int i = 0; i < 20000; ++i) {
+    // Collinear in floats exactly: a, a + e, a + k e with small integers.
+    auto small = [&] { return double(random.below(17)) - 8.0; };
+    const Vec3d a{small(), small(), small()}, e{small(), small(), small()};
+    TriangleMesh mesh;
+    mesh.positions = {Vec3f(a), Vec3f(a + e), Vec3f(a + double(random.below(5)) * e)};
+    mesh.triangles = {{0, 1, 2}};
+    const Vec3d target = a + random.uniform(0.0, 1.0) * e;
+    const Ray ray{target - 3.0 * random.direction() + Vec3d(0.0, 0.0, 1.0), random.direction()};
+    for (const Vec3d& direction : {ray.direction, target - ray.origin}) {
+      EXPECT_EQ((count_hits<Precision::kRobust>(mesh, {ray.origin, direction})), 0);
+      EXPECT_EQ((count_hits<Precision::kFast>(mesh, {ray.origin, direction})), 0);
+    }
+  }
+}
+
+TEST(TriangleTest, a_ray_exactly_through_an_edge_or_a_vertex_hits_every_triangle_that_has_it) {
+  const TriangleMesh mesh = test::quad_grid(4, 4.F);
+  EXPECT_EQ((count_hits<Precision::kRobust>(mesh, {{2, 2, 5}, {0, 0, -1}})), 6);
+  EXPECT_EQ((count_hits<Precision::kRobust>(mesh, {{2, 2, 3}, {0.0, -0.0, -0.7}})), 6);
+  EXPECT_EQ((count_hits<Precision::kRobust>(mesh, {{2, 1.5, 5}, {0, 0, -1}})), 2);
+  EXPECT_EQ((count_hits<Precision::kRobust>(mesh, {{5, 5, 3}, {-3, -3, -3}})), 6);
+}
+
 TEST(TriangleTest, no_ray_leaves_a_closed_mesh_through_an_edge_or_a_vertex) {
   Random random(test::seed_or(2));
   for (const float offset : {0.F, 1000.F, 1e6F}) {
