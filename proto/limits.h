@@ -1,0 +1,37 @@
+#pragma once
+// Every limit on what a client may send, with its number and its reason. The server may override the members
+// of Limits by flags; GET /v1 publishes the values in force.
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+namespace gridcast::proto {
+
+struct Limits {
+  /// About 240,000 rays of six numbers: parsing costs more than tracing, so large batches should be binary.
+  std::size_t json_bytes = std::size_t(16) << 20;
+  /// Our deepest body (a matrix in a list of moves) has 5 levels; "[[[[..." must not reach any stack.
+  std::size_t json_depth = 16;
+  std::size_t json_rays = 100'000;
+  /// 8 M rays of [8] float32, or 4 M of [8] float64.
+  std::size_t binary_bytes = std::size_t(256) << 20;
+  std::size_t binary_rays = std::size_t(8) << 20;
+  std::size_t glb_bytes = std::size_t(512) << 20;
+  int image_side_px = 8192;
+  /// Width x height x samples: 1080p at 256 samples, or the largest image at 8.
+  std::uint64_t image_samples = std::uint64_t(1) << 29;
+  int samples_per_pixel = 4096;
+  int bounce_depth = 64;  ///< a longer mirror path adds nothing an eye can see
+  /// What fits into json_bytes at about 160 bytes a move.
+  std::size_t instances_per_patch = 100'000;
+  std::size_t instances_per_page = 10'000;  ///< one page is about 3 MB of JSON
+  std::size_t name_bytes = 256;
+  std::size_t scenes = 1'000;
+  double deadline_ms = 30'000.0;  ///< of a request, the time in the queue included
+};
+
+/// The `limits` object of GET /v1: one member per field above, same names.
+[[nodiscard]] std::string to_json(const Limits& limits);
+
+}  // namespace gridcast::proto

@@ -1,0 +1,59 @@
+#pragma once
+// The bodies of rays/closest and rays/any.
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "core/math/ray_batch.h"
+#include "proto/limits.h"
+#include "proto/parsed.h"
+#include "proto/query.h"
+
+namespace gridcast::proto {
+
+enum class StatsMode : std::uint8_t { kOff, kOn };
+
+/// Given as members of a JSON body or in the query string; the query string wins.
+struct RayOptions {
+  Precision precision = Precision::kRobust;
+  HitField fields = HitField::kAll;
+  StatsMode stats = StatsMode::kOff;  ///< adds counts and times to the answer
+  std::optional<double> deadline_ms;  ///< sooner than the server's own
+};
+
+/// Rays of one request, in world space. Single rays may be invalid (zero direction, NaN, infinite origin in
+/// binary): they get a status each in the answer, the request is fine.
+class RayRequest {
+ public:
+  RayRequest() = default;
+  RayRequest(RayRequest&&) = default;
+  RayRequest& operator=(RayRequest&&) = default;
+  RayRequest(const RayRequest&) = delete;  // batch() may point into `rows`
+  RayRequest& operator=(const RayRequest&) = delete;
+
+  RayOptions options;
+  std::vector<double> rows;                ///< [N, 8] from JSON; empty when the body is binary
+  std::vector<PrimitiveRef> excluded;      ///< N or none
+  std::span<const std::byte> binary_body;  ///< the request's own bytes, not copied
+  ScalarType scalar = ScalarType::kFloat64;
+  std::size_t columns = 8;
+
+  /// Valid as long as this object and, for a binary request, the body it was parsed from.
+  [[nodiscard]] RayBatch batch() const;
+};
+
+/// `content_type` is the header's value, `body` the bytes. JSON (application/json): columns
+///   {"origins": [[x,y,z]...], "directions": [[x,y,z]...], "tnear": [t|null...]?, "tfar": [t|null...]?,
+///    "exclude": [[instance_id, primitive_id]|null...]?, "precision"?, "fields"?, "stats"?, "deadline_ms"?}
+/// where a null tnear is 0 and a null tfar is unbounded. Binary (application/vnd.gridcast.rays;
+/// dtype=float32|float64; columns=6|8): little-endian row-major [N, columns]; defaults float32 and 6.
+/// Problems: unsupported_media_type, invalid_json, wrong_length (columns differ in length, bytes are not
+/// whole rows), too_many_rays, payload_too_large, and those of the readers.
+[[nodiscard]] Parsed<RayRequest> parse_ray_request(std::string_view content_type, std::string_view body,
+                                                   const QueryParameters& query, const Limits& limits);
+
+}  // namespace gridcast::proto

@@ -1,0 +1,58 @@
+#pragma once
+// Bodies that create scenes and add, move and patch instances.
+//
+// A transform is world_from_object as nested ROWS: 3x4 [[r00,r01,r02,tx],[r10,r11,r12,ty],[r20,r21,r22,tz]],
+// or 4x4 with the last row [0,0,0,1]; so numpy's matrix.tolist() is right. (glTF's flat arrays are
+// column-major; they are not taken here.)
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/math/affine.h"
+#include "proto/limits.h"
+#include "proto/parsed.h"
+#include "proto/query.h"
+
+namespace gridcast::proto {
+
+/// POST /v1/scenes?name=&structure=&scene= beside any body.
+struct SceneQuery {
+  std::string name;                         ///< empty: the server makes one
+  std::string structure = "auto";           ///< one of kStructureNames
+  std::optional<std::uint32_t> gltf_scene;  ///< which scene of the document; none = its default
+};
+[[nodiscard]] Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits& limits);
+
+/// POST /v1/scenes with JSON {"name": "..."}: an empty scene.
+struct EmptySceneRequest {
+  std::string name;
+};
+[[nodiscard]] Parsed<EmptySceneRequest> parse_empty_scene(std::string_view body, const Limits& limits);
+
+/// POST .../instances: {"mesh_id": 3, "transform": [[...]]?, "name": "..."?}; default transform identity.
+struct AddInstanceRequest {
+  std::uint32_t mesh_id = kInvalidId;
+  Affine world_from_object;
+  std::string name;
+};
+[[nodiscard]] Parsed<AddInstanceRequest> parse_add_instance(std::string_view body, const Limits& limits);
+
+/// PATCH .../instances/{i}: {"transform": [[...]]}.
+struct MoveInstanceRequest {
+  Affine world_from_object;
+};
+[[nodiscard]] Parsed<MoveInstanceRequest> parse_move_instance(std::string_view body, const Limits& limits);
+
+/// PATCH .../instances: {"moves": [{"instance_id": 3, "transform": [[...]]}, ...]}, each instance once, all
+/// in one version. Pointers of problems found later by core map to `/moves/INDEX`.
+struct InstanceMove {
+  std::uint32_t instance_id = kInvalidId;
+  Affine world_from_object;
+};
+[[nodiscard]] Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view body,
+                                                                     const Limits& limits);
+
+}  // namespace gridcast::proto

@@ -1,0 +1,22 @@
+#pragma once
+// Words of the wire format that core also has as enumerators. Requests carry them as strings that are
+// already checked against these lists, so core's own parse functions cannot fail on them.
+
+#include <array>
+#include <string_view>
+
+namespace gridcast::proto {
+
+inline constexpr std::array<std::string_view, 5> kStructureNames{"auto", "brute_force", "bvh", "kd_tree",
+                                                                 "embree"};
+inline constexpr std::array<std::string_view, 2> kPrecisionNames{"fast", "robust"};
+inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
+inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "depth", "normal", "id"};
+inline constexpr std::array<std::string_view, 6> kLayerNames{"color",       "depth",   "normal",
+                                                             "instance_id", "mesh_id", "primitive_id"};
+inline constexpr std::array<std::string_view, 2> kImageFormatNames{"png", "exr"};
+/// `status` and `t` are in every answer; naming them is allowed.
+inline constexpr std::array<std::string_view, 7> kHitFieldNames{
+    "status", "t", "uv", "normal", "instance_id", "mesh_id", "primitive_id"};
+
+}  // namespace gridcast::proto
