@@ -92,10 +92,12 @@ std::size_t count_used(const TriangleMesh& mesh, const std::vector<std::uint32_t
   return std::size_t(std::count(used.begin(), used.end(), true));
 }
 
-// Follows every boundary half-edge once around its hole.
+// Follows every boundary half-edge once around its hole. Where fans of faces meet in one vertex, some face
+// stands alone and its own rim is no hole: no figure then.
 std::size_t count_holes(const TriangleMesh& mesh, const std::vector<std::uint32_t>& welded) {
   const HalfEdges half_edges = build_half_edges(mesh, welded);
   const OpenTriMesh& open = half_edges.mesh;
+  if (half_edges.attached_faces != open.n_faces()) return 0;
   std::vector<bool> seen(open.n_halfedges(), false);
   std::size_t holes = 0;
   for (const auto start : open.halfedges()) {

@@ -17,7 +17,7 @@ struct TopologyReport {
   std::size_t inconsistent_edges = 0;  ///< edges of two faces that run the same way along them
   std::size_t degenerate_faces = 0;    ///< exactly zero area, repeated vertices included
   std::size_t components = 0;          ///< connected by shared edges
-  std::size_t holes = 0;  ///< closed loops of boundary edges; 0 when edges are non-manifold or inconsistent
+  std::size_t holes = 0;  ///< closed loops of boundary edges; 0 unless the mesh is an oriented manifold
   bool closed =
       false;  ///< no boundary and no non-manifold edge, at least one face: a ray from inside cannot leave
 };
