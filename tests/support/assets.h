@@ -17,8 +17,10 @@ std::optional<std::filesystem::path> assimp_model(const std::string& relative);
 
 }  // namespace gridcast::test
 
+// NOLINTBEGIN(bugprone-macro-parentheses): `variable` is declared here.
 /// Sets `variable` to the path, or skips the test saying what is missing.
 #define GRIDCAST_REQUIRE_ASSET(variable, lookup)                                       \
   const auto variable##_found = (lookup);                                              \
   if (!variable##_found) GTEST_SKIP() << "test data not on this machine: " << #lookup; \
   const std::filesystem::path& variable = *variable##_found
+// NOLINTEND(bugprone-macro-parentheses)
