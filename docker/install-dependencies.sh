@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Installs the missing Debian packages of the named groups from dependencies.txt, saying what it does.
-# Usage: docker/install-dependencies.sh GROUP...   (build, run, demo, test)
+# Usage: docker/install-dependencies.sh GROUP...   (build, run, image, demo, test)
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 [ $# -gt 0 ] || { echo "usage: $0 GROUP..." >&2; exit 2; }
