@@ -90,6 +90,7 @@ class Blas {
   using Structure = std::variant<std::shared_ptr<const BruteForce>, std::shared_ptr<const Bvh>,
                                  std::shared_ptr<const KdTree>, std::shared_ptr<const EmbreeTree>>;
   Blas() = default;
+  void add_structure_stats();
 
   std::shared_ptr<const mesh::TriangleMesh> mesh_;
   Structure structure_;

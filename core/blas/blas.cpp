@@ -1,0 +1,187 @@
+#include "core/blas/blas.h"
+
+#include <chrono>
+#include <new>
+#include <utility>
+
+#include "core/blas/brute_force.h"
+#include "core/blas/bvh.h"
+#include "core/blas/cost_model.h"
+
+namespace gridcast::blas {
+namespace {
+
+/// True for the structures whose header is included above.
+template <class T>
+inline constexpr bool kKnown = requires {
+  sizeof(T);
+};
+
+template <class Pointer>
+using Pointee = typename Pointer::element_type;
+
+template <class T>
+concept Refittable = requires(const T& structure, const mesh::TriangleMesh& moved) {
+  structure.refit(moved);
+};
+
+struct Choice {
+  StructureKind kind;
+  std::string reason;
+};
+
+Choice choose(StructureKind asked, std::size_t triangles) {
+  if (asked != StructureKind::kAuto) return {asked, "asked for"};
+  const std::string limit = std::to_string(kBruteForceTriangles);
+  if (triangles <= kBruteForceTriangles) {
+    return {StructureKind::kBruteForce, std::to_string(triangles) + " triangles: up to " + limit +
+                                            " a tree saves less than two triangle tests a ray"};
+  }
+  return {StructureKind::kBvh,
+          std::to_string(triangles) + " triangles: more than the " + limit + " that need no tree"};
+}
+
+/// Moves a built structure into `slot`, or passes its error on.
+template <class Slot, class T>
+Status store(Slot& slot, Result<std::shared_ptr<const T>> built) {
+  if (!built) return built.error();
+  slot = *std::move(built);
+  return ok_status();
+}
+
+Error out_of_memory() {
+  return {ErrorCode::kLimitExceeded, "not enough memory for this structure", {}};
+}
+
+}  // namespace
+
+Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const BuildOptions& options,
+                         std::stop_token stop) try {
+  const auto start = std::chrono::steady_clock::now();
+  Choice choice = choose(options.kind, mesh->triangle_count());
+  Blas blas;
+  Status status = ok_status();
+  switch (choice.kind) {
+    case StructureKind::kAuto:
+    case StructureKind::kBruteForce:
+      status = store(blas.structure_, BruteForce::build(*mesh, stop));
+      break;
+    case StructureKind::kBvh:
+      status = store(blas.structure_, Bvh::build(*mesh, options.split, stop));
+      break;
+    case StructureKind::kKdTree:
+    case StructureKind::kEmbree:
+      status = Error{ErrorCode::kUnsupported, "this structure is not compiled in", {}};
+      break;
+  }
+  if (!status) return status.error();
+
+  blas.mesh_ = std::move(mesh);
+  blas.bounds_ = blas.mesh_->bounds();
+  blas.options_ = options;
+  blas.stats_.kind = choice.kind;
+  blas.stats_.reason = std::move(choice.reason);
+  blas.stats_.triangle_count = blas.mesh_->triangle_count();
+  blas.add_structure_stats();
+  blas.stats_.cost_at_build = blas.stats_.cost;
+  blas.stats_.build_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  return blas;
+} catch (const std::bad_alloc&) {
+  return out_of_memory();
+}
+
+Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const try {
+  if (moved->triangle_count() != mesh_->triangle_count()) {
+    return Error{ErrorCode::kInvalidArgument,
+                 "a refit keeps the triangles: built over " + std::to_string(mesh_->triangle_count()) +
+                     ", given " + std::to_string(moved->triangle_count()),
+                 "/triangles"};
+  }
+  if (moved->topology_version != mesh_->topology_version) {
+    return Error{ErrorCode::kInvalidArgument,
+                 "a refit keeps the topology: built over version " + std::to_string(mesh_->topology_version) +
+                     ", given " + std::to_string(moved->topology_version),
+                 "/topology_version"};
+  }
+  Blas blas;
+  const Status status = std::visit(
+      [&](const auto& structure) -> Status {
+        if constexpr (Refittable<Pointee<std::decay_t<decltype(structure)>>>)
+          return store(blas.structure_, structure->refit(*moved));
+        else
+          return Error{ErrorCode::kUnsupported,
+                       "a " + std::string(to_string(stats_.kind)) + " cannot be refitted; rebuild it",
+                       {}};
+      },
+      structure_);
+  if (!status) return status.error();
+
+  blas.mesh_ = std::move(moved);
+  blas.bounds_ = blas.mesh_->bounds();
+  blas.options_ = options_;
+  blas.stats_ = stats_;
+  ++blas.stats_.refits_since_build;
+  blas.add_structure_stats();
+  return blas;
+} catch (const std::bad_alloc&) {
+  return out_of_memory();
+}
+
+bool Blas::can_refit() const {
+  return std::visit(
+      [](const auto& structure) { return Refittable<Pointee<std::decay_t<decltype(structure)>>>; },
+      structure_);
+}
+
+template <Precision kPrecision>
+bool Blas::intersect(const mesh::ObjectRay& ray, Hit& best) const {
+  return std::visit(
+      [&](const auto& structure) {
+        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>)
+          return structure->template intersect<kPrecision, false>(*mesh_, ray, best);
+        else
+          return false;
+      },
+      structure_);
+}
+
+template <Precision kPrecision>
+bool Blas::occluded(const mesh::ObjectRay& ray, double tfar) const {
+  Hit best;
+  best.t = tfar;
+  return std::visit(
+      [&](const auto& structure) {
+        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>)
+          return structure->template intersect<kPrecision, true>(*mesh_, ray, best);
+        else
+          return false;
+      },
+      structure_);
+}
+
+template bool Blas::intersect<Precision::kFast>(const mesh::ObjectRay&, Hit&) const;
+template bool Blas::intersect<Precision::kRobust>(const mesh::ObjectRay&, Hit&) const;
+template bool Blas::occluded<Precision::kFast>(const mesh::ObjectRay&, double) const;
+template bool Blas::occluded<Precision::kRobust>(const mesh::ObjectRay&, double) const;
+
+Status Blas::validate() const {
+  return std::visit(
+      [&](const auto& structure) -> Status {
+        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>)
+          return structure->validate(*mesh_);
+        else
+          return ok_status();
+      },
+      structure_);
+}
+
+void Blas::add_structure_stats() {
+  std::visit(
+      [&](const auto& structure) {
+        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>) structure->add_stats(stats_);
+      },
+      structure_);
+}
+
+}  // namespace gridcast::blas
