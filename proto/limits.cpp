@@ -1,0 +1,29 @@
+#include "proto/limits.h"
+
+#include "proto/replies_json.h"
+
+namespace gridcast::proto {
+
+nlohmann::ordered_json limits_json(const Limits& limits) {
+  return {{"json_bytes", limits.json_bytes},
+          {"json_depth", limits.json_depth},
+          {"json_rays", limits.json_rays},
+          {"binary_bytes", limits.binary_bytes},
+          {"binary_rays", limits.binary_rays},
+          {"glb_bytes", limits.glb_bytes},
+          {"image_side_px", limits.image_side_px},
+          {"image_samples", limits.image_samples},
+          {"samples_per_pixel", limits.samples_per_pixel},
+          {"bounce_depth", limits.bounce_depth},
+          {"instances_per_patch", limits.instances_per_patch},
+          {"instances_per_page", limits.instances_per_page},
+          {"name_bytes", limits.name_bytes},
+          {"scenes", limits.scenes},
+          {"deadline_ms", limits.deadline_ms}};
+}
+
+std::string to_json(const Limits& limits) {
+  return limits_json(limits).dump();
+}
+
+}  // namespace gridcast::proto

@@ -1,0 +1,12 @@
+#pragma once
+// Pieces shared by the writers of small replies; not for users of proto.
+
+#include <nlohmann/json.hpp>
+
+#include "proto/limits.h"
+
+namespace gridcast::proto {
+
+[[nodiscard]] nlohmann::ordered_json limits_json(const Limits& limits);
+
+}  // namespace gridcast::proto
