@@ -54,9 +54,15 @@ ObjectReader::ObjectReader(const JsonNode& node, std::initializer_list<std::stri
   for (const auto field : object) {
     const JsonNode member{field.value, node.problems, &node_, field.key, 0};
     const auto it = std::find(known_.begin(), known_.end(), field.key);
-    if (it == known_.end()) return member.fail(ProblemCode::kUnknownField, "is not a member known here");
+    if (it == known_.end()) {
+      member.fail(ProblemCode::kUnknownField, "is not a member known here");
+      return;
+    }
     auto& slot = found_[std::size_t(it - known_.begin())];
-    if (slot) return member.fail(ProblemCode::kDuplicateField, "is given more than once");
+    if (slot) {
+      member.fail(ProblemCode::kDuplicateField, "is given more than once");
+      return;
+    }
     slot = member;
   }
 }

@@ -23,7 +23,9 @@ QueryReader::QueryReader(const QueryParameters& parameters, std::initializer_lis
 
 void QueryReader::fail(ProblemCode code, std::string_view name, std::string detail) {
   if (problem_) return;
-  problem_ = Problem{code, std::move(detail), "?" + std::string(name.substr(0, kMaxPointerKeyBytes))};
+  std::string pointer(1, '?');
+  pointer += name.substr(0, kMaxPointerKeyBytes);
+  problem_ = Problem{code, std::move(detail), std::move(pointer)};
 }
 
 const std::string* QueryReader::find(std::string_view name) const {
