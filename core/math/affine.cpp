@@ -17,30 +17,40 @@ double largest_entry(const Mat3d& m) {
   return std::max({max_abs(m[0]), max_abs(m[1]), max_abs(m[2])});
 }
 
+/// See InstanceTransform::round_trip_error. With u = 2^-53: the computed a * inverse is off by at most
+/// 3u |a||inverse|, subtracting the identity by u more of the same, and applying the inverse to a vector
+/// rounds by another 3u |inverse||v| (4u with the subtraction of the translation). 12u covers all.
+double round_trip_error_of(const Mat3d& a, const Mat3d& inverse, double condition) {
+  return row_sum_norm(a * inverse - Mat3d(1.0)) + 12.0 * 0x1p-53 * condition + 0x1p-52;
+}
+
 }  // namespace
+
+double row_sum_norm(const Mat3d& m) {
+  return max_abs(glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
+}
 
 InstanceTransform::InstanceTransform(const Affine& world_from_object)
     : world_from_object_(world_from_object) {
   active_ = false;
   const Mat3d& a = world_from_object.linear;
-  if (!is_finite(a) || !gridcast::is_finite(world_from_object.translation)) return;
+  const Vec3d& t = world_from_object.translation;
+  if (!is_finite(a) || !gridcast::is_finite(t) || max_abs(t) > kMaxTranslation) return;
 
-  // The exact arithmetic of the triangle test relies on object-space rays in a bounded range
-  // (core/math/exact.h).
+  // Scale by a power of two (exact) before inverting: the determinant of a tiny scale would underflow.
   const double largest = largest_entry(a);
-  if (!(largest >= kMinScale && largest <= kMaxScale &&
-        max_abs(world_from_object.translation) <= kMaxTranslation))
-    return;
-  // Scaled by a power of two (exact) before inverting, so that the determinant of a tiny scale does not
-  // underflow.
+  if (!(largest >= kMinScale && largest <= kMaxScale)) return;
   const double scale = std::ldexp(1.0, -std::ilogb(largest));
   const Mat3d inverse = glm::inverse(a * scale) * scale;
   if (!is_finite(inverse)) return;
 
-  const double condition = largest_entry(abs(a) * abs(inverse));
+  const double condition = row_sum_norm(abs(a) * abs(inverse));
   if (!(condition <= kMaxCondition)) return;
+  const double round_trip_error = round_trip_error_of(a, inverse, condition);
+  if (!(round_trip_error <= kMaxRoundTripError)) return;
   object_from_world_linear_ = inverse;
   condition_ = condition;
+  round_trip_error_ = round_trip_error;
   active_ = true;
 }
 

@@ -31,6 +31,7 @@ class InstanceTransform {
   explicit InstanceTransform(const Affine& world_from_object);
 
   [[nodiscard]] const Affine& world_from_object() const { return world_from_object_; }
+  [[nodiscard]] const Mat3d& object_from_world_linear() const { return object_from_world_linear_; }
   [[nodiscard]] bool active() const { return active_; }
 
   /// World to object. The translation is subtracted first, in double, so an instance a million
@@ -44,9 +45,13 @@ class InstanceTransform {
   /// the side: the normal follows the surface's winding in object space.
   [[nodiscard]] Vec3d normal_to_world(const Vec3d& n) const;
 
-  /// max norm of |A||A^-1|, the factor by which rounding errors of a round trip world -> object -> world
-  /// grow.
+  /// Largest row sum of |A||B|, B the stored inverse of A: how much rounding errors grow on a round trip
+  /// world -> object -> world.
   [[nodiscard]] double condition() const { return condition_; }
+  /// e with |A point_to_object(p) + T - p| <= e |p - T| and |A vector_to_object(v) - v| <= e |v| for
+  /// every p and v, A and T taken exactly, in the largest component. Measured from the stored inverse,
+  /// not estimated from the condition.
+  [[nodiscard]] double round_trip_error() const { return round_trip_error_; }
 
   /// Conservative world box of `object` (outward by the rounding of this transform; empty stays empty).
   [[nodiscard]] Bounds3d bounds_to_world(const Bounds3f& object) const;
@@ -54,14 +59,21 @@ class InstanceTransform {
  private:
   Affine world_from_object_;
   Mat3d object_from_world_linear_{1.0};
-  double condition_ = 3.0;
+  double condition_ = 1.0;
+  double round_trip_error_ = 0x1p-49;
   bool active_ = true;
 };
 
-/// Largest condition() of an active transform: beyond it the inverse has fewer than ten good bits.
-inline constexpr double kMaxCondition = 0x1p43;
+/// Largest row sum of absolute values: the factor by which m can enlarge a largest component.
+[[nodiscard]] double row_sum_norm(const Mat3d& m);
 
-/// Range of the largest entry of an active transform's linear part, and of its translation in metres.
+// Limits of an active transform.
+/// Largest condition(): beyond it the inverse has fewer than ten good bits.
+inline constexpr double kMaxCondition = 0x1p43;
+/// Largest round_trip_error(): beyond it the world boxes of instances stop being useful.
+inline constexpr double kMaxRoundTripError = 0x1p-5;
+/// Range of the largest entry of the linear part, and of the translation in metres: the exact arithmetic of
+/// the triangle test relies on object-space rays in a bounded range (core/math/exact.h).
 inline constexpr double kMinScale = 0x1p-100;
 inline constexpr double kMaxScale = 0x1p100;
 inline constexpr double kMaxTranslation = 0x1p100;

@@ -10,7 +10,7 @@
 
 #include "core/blas/blas.h"
 #include "core/math/affine.h"
-#include "core/scene/chunked_vector.h"
+#include "core/math/chunked_vector.h"
 #include "core/scene/scene_data.h"
 #include "core/tlas/top_level.h"
 
@@ -40,8 +40,9 @@ class Scene {
   [[nodiscard]] const std::string& instance_name(std::uint32_t instance_id) const;
 
   [[nodiscard]] const tlas::TopLevel& top_level() const { return top_level_; }
-  [[nodiscard]] Bounds3d bounds() const;  ///< world box of all active instances, conservative
-  [[nodiscard]] std::uint64_t world_triangle_count() const;  ///< triangles times instances
+  /// World box of all active instances, conservative; may be larger than needed after updates.
+  [[nodiscard]] Bounds3d bounds() const { return top_level_.bounds(); }
+  [[nodiscard]] std::uint64_t world_triangle_count() const { return world_triangles_; }  ///< of all instances
   [[nodiscard]] std::uint64_t stored_triangle_count() const;
   [[nodiscard]] std::size_t memory_bytes() const;
   /// What the file held beside geometry: materials, cameras, lights, nodes, skins, animations, warnings.
@@ -53,11 +54,19 @@ class Scene {
 
  private:
   friend class SceneEditor;  // makes every new version: build_scene and apply_update
+
+  /// Name of an instance that came with an update; those of the file are in data_. Unnamed ones take no room.
+  struct AddedName {
+    std::uint32_t instance_id = kInvalidId;
+    std::string name;
+  };
+
   std::uint64_t version_ = 1;
   std::vector<blas::Blas> blas_;
-  ChunkedVector<Instance> instances_;
-  ChunkedVector<std::string> instance_names_;
+  ChunkedVector<Instance, 64> instances_;
+  ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id
   std::size_t live_instances_ = 0;
+  std::uint64_t world_triangles_ = 0;
   tlas::TopLevel top_level_;
   std::shared_ptr<const SceneData> data_;
 };

@@ -2,13 +2,19 @@
 // The top level: leads a world ray to the instances it can touch.
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "core/error.h"
 #include "core/math/bounds.h"
+#include "core/math/chunked_vector.h"
 #include "core/math/ray.h"
+#include "core/tlas/instance_box.h"
+#include "core/tlas/world_ray.h"
 
 namespace gridcast::tlas {
 
@@ -30,10 +36,42 @@ struct TopLevelStats {
   double build_ms = 0.0;
 };
 
-/// Placeholder until the grid is here.
+/// An immutable top level over the world boxes of instances; copies share all memory.
 class TopLevel {
  public:
-  [[nodiscard]] TopLevelStats stats() const { return {}; }
+  TopLevel() = default;
+  /// boxes[i] is the box of instance i.
+  [[nodiscard]] static TopLevel build(std::span<const InstanceBox> boxes);
+  /// The same with some boxes replaced, in order.
+  [[nodiscard]] TopLevel updated(std::span<const BoxChange> changes) const;
+
+  /// Calls `visit(instance_id)` once for every instance that can hold a hit in [ray.tnear, far], roughly
+  /// from near to far. `visit` returns the largest t still of interest (the best t so far; -infinity ends
+  /// the walk), which narrows `far`.
+  template <class Visit>
+  void traverse(const Ray& ray, double far, Visit&& visit) const;
+
+  [[nodiscard]] const Bounds3d& bounds() const { return bounds_; }  ///< holds every box
+  [[nodiscard]] std::size_t slots() const { return boxes_.size(); }
+  [[nodiscard]] const InstanceBox& box(std::uint32_t instance_id) const { return boxes_[instance_id]; }
+  [[nodiscard]] TopLevelStats stats() const;
+  [[nodiscard]] Status validate() const;
+
+ private:
+  ChunkedVector<InstanceBox> boxes_;
+  std::vector<std::uint32_t> always_;  ///< ids tested for every ray, ascending
+  Bounds3d bounds_;
 };
+
+template <class Visit>
+void TopLevel::traverse(const Ray& ray, double far, Visit&& visit) const {
+  if (bounds_.empty()) return;
+  const WorldRay world(ray, bounds_);
+  for (const std::uint32_t id : always_) {
+    const InstanceBox& box = boxes_[id];
+    if (!intersect_box(world, box.bounds, box.drift * world.distance + world.slack, far).empty())
+      far = visit(id);
+  }
+}
 
 }  // namespace gridcast::tlas

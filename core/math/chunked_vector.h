@@ -1,21 +1,25 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <utility>
 #include <vector>
 
-namespace gridcast::scene {
+namespace gridcast {
 
 /// A vector in shared chunks: a copy shares every chunk, writing to one element copies its chunk alone.
-/// Reading is safe from any thread; writing needs the only reference to this copy.
+/// Reading is safe from any thread. Writing needs that no other thread uses this copy, and that the vector
+/// it was copied from lives until the writing is done (so a chunk seen to have one owner was made here).
 template <class T, std::size_t kChunk = 256>
 class ChunkedVector {
  public:
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] const T& operator[](std::size_t i) const { return (*chunks_[i / kChunk])[i % kChunk]; }
 
-  /// A reference to write through; copies the chunk when another vector shares it.
+  /// A reference to write through; copies the chunk when another vector shares it. Different chunks may be
+  /// written from different threads.
   [[nodiscard]] T& write(std::size_t i) {
     std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
     if (chunk.use_count() != 1) chunk = std::make_shared<Chunk>(*chunk);
@@ -26,9 +30,15 @@ class ChunkedVector {
     ++size_;
     write(size_ - 1) = std::move(value);
   }
+  /// Grows to `size` default elements; never shrinks.
+  void grow(std::size_t size) {
+    while (chunks_.size() * kChunk < size) chunks_.push_back(std::make_shared<Chunk>());
+    size_ = std::max(size_, size);
+  }
   [[nodiscard]] std::size_t memory_bytes() const {
     return chunks_.capacity() * sizeof(chunks_[0]) + chunks_.size() * sizeof(Chunk);
   }
+  static constexpr std::size_t kChunkSize = kChunk;
 
  private:
   using Chunk = std::array<T, kChunk>;
@@ -36,4 +46,4 @@ class ChunkedVector {
   std::size_t size_ = 0;
 };
 
-}  // namespace gridcast::scene
+}  // namespace gridcast

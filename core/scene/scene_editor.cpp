@@ -1,0 +1,40 @@
+#include "core/scene/scene_editor.h"
+
+#include "core/scene/hit_box.h"
+
+namespace gridcast::scene {
+
+std::uint32_t SceneEditor::add_instance(const Instance& instance, const std::string& name) {
+  const auto instance_id = std::uint32_t(scene_->instances_.size());
+  scene_->instances_.push_back(instance);
+  if (!name.empty()) scene_->added_names_.push_back({instance_id, name});
+  ++scene_->live_instances_;
+  scene_->world_triangles_ += scene_->blas(instance.mesh_id).mesh().triangle_count();
+  return instance_id;
+}
+
+void SceneEditor::remove_instance(std::uint32_t instance_id) {
+  Instance& instance = scene_->instances_.write(instance_id);
+  instance.alive = false;
+  --scene_->live_instances_;
+  scene_->world_triangles_ -= scene_->blas(instance.mesh_id).mesh().triangle_count();
+}
+
+void SceneEditor::count_instances() {
+  scene_->live_instances_ = 0;
+  scene_->world_triangles_ = 0;
+  for (std::size_t i = 0; i < scene_->instances_.size(); ++i) {
+    const Instance& instance = scene_->instances_[i];
+    if (!instance.alive) continue;
+    ++scene_->live_instances_;
+    scene_->world_triangles_ += scene_->blas(instance.mesh_id).mesh().triangle_count();
+  }
+}
+
+tlas::InstanceBox SceneEditor::hit_box_of(std::uint32_t instance_id) const {
+  const Instance& instance = scene_->instance(instance_id);
+  if (!instance.alive) return {};
+  return hit_box(instance.transform, scene_->blas(instance.mesh_id).bounds());
+}
+
+}  // namespace gridcast::scene

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/scene/scene.h"
+
+namespace gridcast::scene {
+
+/// The one door to a Scene's insides: build_scene and apply_update make a new version through it, then it
+/// is published as const.
+class SceneEditor {
+ public:
+  SceneEditor() : scene_(std::make_shared<Scene>()) {}
+  /// A copy of `scene` that shares all its memory, one version on. `scene` outlives the editor.
+  explicit SceneEditor(const Scene& scene) : scene_(std::make_shared<Scene>(scene)) { ++scene_->version_; }
+
+  [[nodiscard]] const Scene& scene() const { return *scene_; }
+
+  void set_data(std::shared_ptr<const SceneData> data) { scene_->data_ = std::move(data); }
+  void add_mesh(blas::Blas blas) { scene_->blas_.push_back(std::move(blas)); }
+  /// The caller updates the boxes of the mesh's instances (instances_of, top_level).
+  void set_mesh(std::uint32_t mesh_id, blas::Blas blas) { scene_->blas_[mesh_id] = std::move(blas); }
+
+  void reserve_instances(std::size_t count) { scene_->instances_.grow(count); }
+  /// Writes a slot; different blocks of 64 slots may be written from different threads.
+  void set_instance(std::uint32_t instance_id, const Instance& instance) {
+    scene_->instances_.write(instance_id) = instance;
+  }
+  std::uint32_t add_instance(const Instance& instance, const std::string& name);
+  void remove_instance(std::uint32_t instance_id);
+  /// Counts instances and triangles anew; add_ and remove_instance keep them up to date.
+  void count_instances();
+
+  void set_top_level(tlas::TopLevel top_level) { scene_->top_level_ = std::move(top_level); }
+  /// The box of a slot as the top level needs it; empty for a dead one.
+  [[nodiscard]] tlas::InstanceBox hit_box_of(std::uint32_t instance_id) const;
+
+  [[nodiscard]] std::shared_ptr<const Scene> publish() { return std::move(scene_); }
+
+ private:
+  std::shared_ptr<Scene> scene_;
+};
+
+}  // namespace gridcast::scene
