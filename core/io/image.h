@@ -10,16 +10,22 @@
 
 namespace gridcast::io {
 
-/// 8-bit sRGB PNG of one layer, in memory. Colour is tone-mapped (exposure 1, clamped) and keeps alpha; depth
-/// maps near to white and far to black; normals map [-1, 1] to [0, 255]; ids get a stable colour each.
+/// 8-bit sRGB PNG of one layer, in memory. Colour is multiplied by the film's exposure, highlights above 0.75
+/// are bent towards white, and the picture is opaque (coverage is in the EXR). Depth maps the nearest surface
+/// to white and the farthest to dark grey; normals map [-1, 1] to [0, 255]; ids get a stable colour each. The
+/// background of depth and ids is black. Takes 6 bytes a pixel beside the film.
 [[nodiscard]] Result<std::vector<std::byte>> encode_png(const render::Film& film, const render::Layer& layer);
 
-/// One multi-layer OpenEXR file in memory, ZIP compressed: colour as R G B A, other layers as `depth.Z`,
-/// `normal.X` ..., ids as 32-bit unsigned `instance_id.id`.
+/// One multi-layer OpenEXR file in memory, ZIP compressed: colour as R G B A (not exposed; the attribute
+/// `gridcast:exposure` suits a display), other layers as `depth.Z`, `normal.X` ..., all 32-bit float; ids as
+/// 32-bit unsigned `instance_id.id`.
 [[nodiscard]] Result<std::vector<std::byte>> encode_exr(const render::Film& film);
 
-/// Writes to a temporary name beside `path`, then renames: a reader never sees half a file.
+/// Writes to a temporary name beside `path`, syncs, then renames: a reader never sees half a file, and a
+/// crash leaves the old one. kNotFound when the folder does not exist, else kIo.
 [[nodiscard]] Status write_file(const std::filesystem::path& path, std::span<const std::byte> bytes);
+/// A regular file of at most `max_bytes`: kNotFound, kInvalidArgument (not a regular file), kLimitExceeded,
+/// kIo.
 [[nodiscard]] Result<std::vector<std::byte>> read_file(const std::filesystem::path& path,
                                                        std::size_t max_bytes);
 

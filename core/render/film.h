@@ -14,11 +14,16 @@ struct Layer {
   std::vector<unsigned> ids;          ///< [height, width]; empty for float layers; kInvalidId = background
 };
 
-/// A finished picture. Colour is linear and alpha is coverage; depth is t in metres along the unit ray,
-/// +inf for background; normals are unit in world space, 0 for background.
+/// Largest side of a picture.
+inline constexpr int kMaxSide_px = 16384;
+
+/// A finished picture. Colour is linear, scene-referred and includes the background; alpha is the share of
+/// the pixel that geometry covers. Depth is t in metres along the unit ray, +inf for background; normals are
+/// unit in world space, 0 for background.
 struct Film {
   int width_px = 0;
   int height_px = 0;
+  float exposure = 1.F;  ///< colour times this suits a display: 1 is white
   std::vector<Layer> layers;
 
   [[nodiscard]] const Layer* find(const std::string& name) const {

@@ -11,12 +11,12 @@
 namespace gridcast::render {
 
 /// kWhitted is the lecture's loop: primary ray, closest hit, shadow rays, shading, reflection and refraction
-/// to max_depth, background. The others write one quantity and trace primary rays only.
+/// to max_depth, background. The others write one layer (kId: instance_id) and trace primary rays only.
 enum class Integrator : std::uint8_t { kWhitted, kDepth, kNormal, kId };
 [[nodiscard]] std::string_view to_string(Integrator integrator);  ///< whitted, depth, normal, id
 [[nodiscard]] Result<Integrator> parse_integrator(std::string_view name);
 
-/// Layers beside colour that a picture may hold; all come from the first sample at the pixel's centre.
+/// Layers that a picture may hold; all but colour come from one ray through the pixel's centre.
 enum class LayerKind : std::uint8_t { kColor, kDepth, kNormal, kInstanceId, kMeshId, kPrimitiveId };
 [[nodiscard]] std::string_view to_string(LayerKind layer);
 [[nodiscard]] Result<LayerKind> parse_layer(std::string_view name);
@@ -32,12 +32,19 @@ struct RenderSettings {
   Precision precision = Precision::kRobust;
 };
 
-/// Sizes and counts in range (1 to 16384 pixels a side, 1 to 4096 samples, 0 to 64 bounces).
+/// Sizes and counts in range (1 to 16384 pixels a side, 1 to 4096 samples, 0 to 64 bounces), a usable camera.
+/// The error names the field (`/width_px`).
 [[nodiscard]] Status validate(const RenderSettings& settings);
 
-/// Renders tile by tile over all cores. A scene without lights gets a sun, a sky and a weak head light.
-/// Errors: invalid settings, kCancelled (checked at every tile).
+/// Renders tile by tile over all cores; the integrator's own layer comes first. The film takes 16 bytes a
+/// pixel for colour, 12 for normals, 4 for each other layer; nothing else grows with the picture. A scene
+/// without lights gets a sun, a sky and a weak head light; a scene with lights is exposed automatically
+/// (exposure.h), and Film::exposure says how. The bits do not depend on the number of threads. Errors:
+/// invalid settings, kCancelled.
 [[nodiscard]] Result<Film> render(const scene::Scene& scene, const RenderSettings& settings,
                                   std::stop_token stop = {}, const scene::ProgressCallback& progress = {});
+
+/// The first camera of the file that is usable and sees something, else one that frames the scene.
+[[nodiscard]] scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio);
 
 }  // namespace gridcast::render

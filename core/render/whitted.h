@@ -1,0 +1,44 @@
+#pragma once
+
+#include "core/render/brdf.h"
+#include "core/render/lighting.h"
+#include "core/render/surface.h"
+#include "core/scene/trace.h"
+
+namespace gridcast::render {
+
+/// The lecture's loop: closest hit, shadow rays and shading, then reflection and refraction, or the
+/// background. "An Improved Illumination Model for Shaded Display", T. Whitted, 1980; unlike the paper
+/// surfaces are metallic-roughness ones, and what is too rough to mirror sees the sky instead of a ray.
+class Whitted {
+ public:
+  /// Keeps references: both outlive it.
+  Whitted(const scene::Scene& scene, const Lighting& lighting, Precision precision, int max_depth);
+
+  /// Radiance along a primary ray whose closest hit (or miss) is known.
+  [[nodiscard]] Vec3f radiance(const Ray& ray, const SurfaceHit& hit) const;
+
+ private:
+  struct Path {
+    int depth = 0;       ///< reflections and refractions so far
+    float weight = 1.F;  ///< what the radiance found will be multiplied with, at most
+  };
+
+  [[nodiscard]] Vec3f trace(const Ray& ray, PrimitiveRef from, Path path) const;
+  [[nodiscard]] Vec3f shade(const Ray& ray, const SurfaceHit& hit, Path path) const;
+  [[nodiscard]] Vec3f direct(const Surface& surface, const Brdf& brdf) const;
+  [[nodiscard]] Vec3f reflected(const Surface& surface, const Brdf& brdf, const Vec3f& share,
+                                Path path) const;
+  [[nodiscard]] Vec3f refracted(const Surface& surface, const Vec3d& direction, const Vec3f& share,
+                                Path path) const;
+  [[nodiscard]] Vec3f visibility(const Surface& surface, const Illumination& light) const;
+  [[nodiscard]] Vec3f through_glass(Ray ray, PrimitiveRef from) const;
+
+  const scene::Scene& scene_;
+  const Lighting& lighting_;
+  Precision precision_;
+  int max_depth_;
+  bool has_glass_;
+};
+
+}  // namespace gridcast::render
