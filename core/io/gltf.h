@@ -17,6 +17,9 @@ struct GltfLimits {
   std::size_t json_bytes = std::size_t(64) << 20;
   std::size_t json_depth = 64;
   std::size_t decoded_bytes = std::size_t(8) << 30;  ///< positions, indices and the rest, all meshes together
+  /// A small file may not decode to much: at most this much, and so much more for each byte of the file.
+  std::size_t decoded_bytes_free = std::size_t(256) << 20;
+  std::size_t decoded_bytes_per_byte = 64;
   std::size_t instances = 2'000'000;
   std::size_t nodes = 1'000'000;
 };
