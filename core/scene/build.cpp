@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <new>
 #include <numeric>
 
 #include <tbb/parallel_for.h>
@@ -107,12 +108,13 @@ void warn_about_inactive(const Scene& scene, SceneData& data) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuildOptions& options) {
+Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuildOptions& options) try {
   if (Status status = check_instances(data); !status) return status.error();
   BuiltMeshes built = build_meshes(data, options);
   // The first invalid mesh by number, whatever the order of building; a cancelled build has no other error.
   if (options.stop.stop_requested()) return cancelled();
   SceneEditor editor;
+  editor.set_blas_options(options.blas);
   for (std::size_t id = 0; id < built.size(); ++id) {
     if (!built[id]) return in_mesh(id, built[id].error());
     editor.add_mesh(*std::move(built[id]));
@@ -125,6 +127,8 @@ Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuil
   editor.set_data(std::make_shared<const SceneData>(std::move(data)));
   if (options.progress) options.progress(1.0);
   return editor.publish();
+} catch (const std::bad_alloc&) {
+  return Error{ErrorCode::kLimitExceeded, "not enough memory for the scene", ""};
 }
 
 }  // namespace gridcast::scene

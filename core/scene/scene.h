@@ -39,6 +39,8 @@ class Scene {
   [[nodiscard]] const Instance& instance(std::uint32_t instance_id) const { return instances_[instance_id]; }
   [[nodiscard]] const std::string& instance_name(std::uint32_t instance_id) const;
 
+  /// What every structure was asked to be; meshes added by an update get the same.
+  [[nodiscard]] const blas::BuildOptions& blas_options() const { return blas_options_; }
   [[nodiscard]] const tlas::TopLevel& top_level() const { return top_level_; }
   /// World box of all active instances, conservative; may be larger than needed after updates.
   [[nodiscard]] Bounds3d bounds() const { return top_level_.bounds(); }
@@ -62,6 +64,7 @@ class Scene {
   };
 
   std::uint64_t version_ = 1;
+  blas::BuildOptions blas_options_;  ///< for meshes added later
   std::vector<blas::Blas> blas_;
   ChunkedVector<Instance, 64> instances_;
   ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id

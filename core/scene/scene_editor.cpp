@@ -1,5 +1,7 @@
 #include "core/scene/scene_editor.h"
 
+#include <algorithm>
+
 #include "core/scene/hit_box.h"
 
 namespace gridcast::scene {
@@ -29,6 +31,15 @@ void SceneEditor::count_instances() {
     ++scene_->live_instances_;
     scene_->world_triangles_ += scene_->blas(instance.mesh_id).mesh().triangle_count();
   }
+}
+
+void SceneEditor::update_boxes(std::vector<std::uint32_t> instance_ids) {
+  std::sort(instance_ids.begin(), instance_ids.end());
+  instance_ids.erase(std::unique(instance_ids.begin(), instance_ids.end()), instance_ids.end());
+  std::vector<tlas::BoxChange> changes;
+  changes.reserve(instance_ids.size());
+  for (const std::uint32_t id : instance_ids) changes.push_back({id, hit_box_of(id)});
+  scene_->top_level_ = scene_->top_level_.updated(changes);
 }
 
 tlas::InstanceBox SceneEditor::hit_box_of(std::uint32_t instance_id) const {

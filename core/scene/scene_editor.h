@@ -19,8 +19,9 @@ class SceneEditor {
   [[nodiscard]] const Scene& scene() const { return *scene_; }
 
   void set_data(std::shared_ptr<const SceneData> data) { scene_->data_ = std::move(data); }
+  void set_blas_options(const blas::BuildOptions& options) { scene_->blas_options_ = options; }
   void add_mesh(blas::Blas blas) { scene_->blas_.push_back(std::move(blas)); }
-  /// The caller updates the boxes of the mesh's instances (instances_of, top_level).
+  /// Same triangle count as before. The caller updates the boxes of the mesh's instances (update_boxes).
   void set_mesh(std::uint32_t mesh_id, blas::Blas blas) { scene_->blas_[mesh_id] = std::move(blas); }
 
   void reserve_instances(std::size_t count) { scene_->instances_.grow(count); }
@@ -28,12 +29,17 @@ class SceneEditor {
   void set_instance(std::uint32_t instance_id, const Instance& instance) {
     scene_->instances_.write(instance_id) = instance;
   }
+  void move_instance(std::uint32_t instance_id, const InstanceTransform& transform) {
+    scene_->instances_.write(instance_id).transform = transform;
+  }
   std::uint32_t add_instance(const Instance& instance, const std::string& name);
   void remove_instance(std::uint32_t instance_id);
   /// Counts instances and triangles anew; add_ and remove_instance keep them up to date.
   void count_instances();
 
   void set_top_level(tlas::TopLevel top_level) { scene_->top_level_ = std::move(top_level); }
+  /// Brings the boxes of these instances up to date in the top level (any order, repeats allowed).
+  void update_boxes(std::vector<std::uint32_t> instance_ids);
   /// The box of a slot as the top level needs it; empty for a dead one.
   [[nodiscard]] tlas::InstanceBox hit_box_of(std::uint32_t instance_id) const;
 

@@ -1,6 +1,7 @@
 #include "core/scene/trace.h"
 
 #include <atomic>
+#include <new>
 
 #include <tbb/parallel_for.h>
 
@@ -105,6 +106,10 @@ Error cancelled() {
   return {ErrorCode::kCancelled, "the trace was cancelled", ""};
 }
 
+Error out_of_memory() {
+  return {ErrorCode::kLimitExceeded, "not enough memory for the answers", ""};
+}
+
 template <Precision kPrecision>
 bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits) {
   return for_each_ray(rays.size(), options, [&](std::size_t i) {
@@ -132,7 +137,7 @@ RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision, Prim
                                        : occluded_one<Precision::kRobust>(scene, ray, excluded);
 }
 
-Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const TraceOptions& options) {
+Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const TraceOptions& options) try {
   HitColumns hits;
   hits.resize(rays.size(), options.fields);
   const bool whole = options.precision == Precision::kFast
@@ -140,16 +145,20 @@ Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const Tra
                          : intersect_all<Precision::kRobust>(scene, rays, options, hits);
   if (!whole) return cancelled();
   return hits;
+} catch (const std::bad_alloc&) {
+  return out_of_memory();
 }
 
 Result<std::vector<RayStatus>> occluded(const Scene& scene, const RayBatch& rays,
-                                        const TraceOptions& options) {
+                                        const TraceOptions& options) try {
   std::vector<RayStatus> status(rays.size(), RayStatus::kMiss);
   const bool whole = options.precision == Precision::kFast
                          ? occluded_all<Precision::kFast>(scene, rays, options, status)
                          : occluded_all<Precision::kRobust>(scene, rays, options, status);
   if (!whole) return cancelled();
   return status;
+} catch (const std::bad_alloc&) {
+  return out_of_memory();
 }
 
 }  // namespace gridcast::scene

@@ -60,7 +60,8 @@ struct MeshUpdateReport {
 struct UpdateReport {
   std::vector<std::uint32_t> added_instances;  ///< ids in the order of the AddInstance edits
   std::vector<std::uint32_t> added_meshes;     ///< ids in the order of the AddMesh edits
-  std::vector<MeshUpdateReport> meshes;        ///< in the order of the ReplaceVertices edits
+  std::vector<MeshUpdateReport>
+      meshes;  ///< in the order of the ReplaceVertices edits; edits of one mesh share a report
   double ms = 0.0;
 };
 

@@ -1,0 +1,142 @@
+#include "core/scene/mesh_edits.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+
+#include "core/mesh/topology.h"
+
+namespace gridcast::scene {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+Error invalid(std::string message, std::string where) {
+  return {ErrorCode::kInvalidArgument, std::move(message), std::move(where)};
+}
+
+std::string rounded(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.4g", value);
+  return text;
+}
+
+/// Each id in range and named once.
+Status check_vertex_ids(const std::vector<std::uint32_t>& ids, std::size_t vertex_count) {
+  std::vector<bool> named(vertex_count, false);
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const std::string where = "/vertex_ids/" + std::to_string(k);
+    if (ids[k] >= vertex_count)
+      return invalid("the mesh has only " + std::to_string(vertex_count) + " vertices", where);
+    if (named[ids[k]]) return invalid("vertex " + std::to_string(ids[k]) + " is named twice", where);
+    named[ids[k]] = true;
+  }
+  return ok_status();
+}
+
+Status check_edit(const ReplaceVertices& edit, std::size_t vertex_count) {
+  const bool sparse = !edit.vertex_ids.empty();
+  const std::size_t expected = sparse ? edit.vertex_ids.size() : vertex_count;
+  if (edit.positions.size() != expected) {
+    return invalid(
+        "expected " + std::to_string(expected) + " positions, got " + std::to_string(edit.positions.size()),
+        "/positions");
+  }
+  if (Status status = mesh::validate_positions(edit.positions); !status) return status;
+  return check_vertex_ids(edit.vertex_ids, vertex_count);
+}
+
+/// The mesh with new positions, normals to match, and the next vertex_version.
+std::shared_ptr<const mesh::TriangleMesh> moved_mesh(const mesh::TriangleMesh& old,
+                                                     std::vector<Vec3f> positions) {
+  auto moved = std::make_shared<mesh::TriangleMesh>(old);
+  moved->positions = std::move(positions);
+  ++moved->vertex_version;
+  if (!moved->normals.empty()) moved->normals = mesh::smooth_normals(*moved);
+  return moved;
+}
+
+struct Action {
+  blas::Blas blas;
+  MeshAction kind;
+  std::string reason;
+};
+
+Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
+                       std::string reason) {
+  auto built = blas::Blas::build(std::move(moved), old.options());
+  if (!built) return built.error();
+  return Action{*std::move(built), MeshAction::kRebuild, std::move(reason)};
+}
+
+/// The decision of UpdateMode: refit, or rebuild with a reason.
+Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
+                                UpdateMode mode) {
+  const std::string kind(to_string(old.stats().kind));
+  if (mode == UpdateMode::kRebuild) return rebuild(old, std::move(moved), "A rebuild was asked for.");
+  if (!old.can_refit()) {
+    if (mode == UpdateMode::kRefit)
+      return Error{ErrorCode::kUnsupported, "a " + kind + " structure cannot be refitted", ""};
+    return rebuild(old, std::move(moved), "A " + kind + " structure cannot be refitted.");
+  }
+  auto refitted = old.refit(moved);
+  if (!refitted) return refitted.error();
+  if (mode == UpdateMode::kRefit)
+    return Action{*std::move(refitted), MeshAction::kRefit, "A refit was asked for."};
+
+  const double cost = refitted->stats().cost, limit = kMaxRefitCostRatio * refitted->stats().cost_at_build;
+  const std::string costs = "the refitted tree's cost " + rounded(cost);
+  const std::string limits =
+      rounded(kMaxRefitCostRatio) + " times its cost at build, " + rounded(limit) + ".";
+  if (cost > limit) return rebuild(old, std::move(moved), "Rebuilt because " + costs + " exceeds " + limits);
+  return Action{*std::move(refitted), MeshAction::kRefit, "Refitted: " + costs + " is within " + limits};
+}
+
+}  // namespace
+
+Status MeshEdits::add(const Scene& scene, const ReplaceVertices& edit, std::size_t edit_index) {
+  if (edit.mesh_id >= scene.mesh_count())
+    return Error{ErrorCode::kNotFound, "there is no mesh " + std::to_string(edit.mesh_id), "/mesh_id"};
+  const mesh::TriangleMesh& mesh = scene.blas(edit.mesh_id).mesh();
+  if (Status status = check_edit(edit, mesh.positions.size()); !status) return status;
+
+  Pending& pending = pending_[edit.mesh_id];
+  if (edit.vertex_ids.empty()) {
+    pending.positions = edit.positions;
+  } else {
+    if (pending.positions.empty()) pending.positions = mesh.positions;
+    for (std::size_t k = 0; k < edit.vertex_ids.size(); ++k)
+      pending.positions[edit.vertex_ids[k]] = edit.positions[k];
+  }
+  ++pending.edit_count;
+  // The most definite wish of the composed edits wins: rebuild, then refit, then auto.
+  pending.mode = std::max(pending.mode, edit.mode);
+  if (edit.mode == UpdateMode::kRefit) pending.last_refit_edit = edit_index;
+  mesh_of_edit_.push_back(edit.mesh_id);
+  return ok_status();
+}
+
+Status MeshEdits::apply(SceneEditor& editor) {
+  for (auto& [mesh_id, pending] : pending_) {
+    const Clock::time_point start = Clock::now();
+    const blas::Blas old = editor.scene().blas(mesh_id);
+    auto action = refit_or_rebuild(old, moved_mesh(old.mesh(), std::move(pending.positions)), pending.mode);
+    if (!action) {
+      const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
+      return Error{action.error().code, action.error().message, edit + "/mode"};
+    }
+    pending.report = {mesh_id, action->kind, action->reason, old.stats().cost, action->blas.stats().cost,
+                      0.0};
+    editor.set_mesh(mesh_id, std::move(action->blas));
+    pending.report.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  }
+  return ok_status();
+}
+
+std::vector<MeshUpdateReport> MeshEdits::reports() const {
+  std::vector<MeshUpdateReport> reports;
+  for (const std::uint32_t mesh_id : mesh_of_edit_) reports.push_back(pending_.at(mesh_id).report);
+  return reports;
+}
+
+}  // namespace gridcast::scene

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "core/scene/scene_editor.h"
+#include "core/scene/update.h"
+
+namespace gridcast::scene {
+
+/// The ReplaceVertices edits of one update. Edits of the same mesh compose: their positions are written one
+/// after the other, then the structure is refitted or rebuilt once, and their reports are the same.
+class MeshEdits {
+ public:
+  /// Checks an edit and remembers its positions; `edit_index` is its place in the update. Errors carry a
+  /// pointer relative to the edit (`/positions/17`).
+  [[nodiscard]] Status add(const Scene& scene, const ReplaceVertices& edit, std::size_t edit_index);
+
+  /// Refits or rebuilds every edited mesh in `editor`. Errors carry the whole pointer (`/edits/2/mode`).
+  [[nodiscard]] Status apply(SceneEditor& editor);
+
+  /// In the order of the edits; after apply().
+  [[nodiscard]] std::vector<MeshUpdateReport> reports() const;
+  /// Whether an edit named this mesh.
+  [[nodiscard]] bool edited(std::uint32_t mesh_id) const { return pending_.contains(mesh_id); }
+  [[nodiscard]] bool empty() const { return pending_.empty(); }
+
+ private:
+  struct Pending {
+    std::vector<Vec3f> positions;
+    std::uint32_t edit_count = 0;
+    std::size_t last_refit_edit = 0;  ///< the last edit of mode kRefit, for its error
+    UpdateMode mode = UpdateMode::kAuto;
+    MeshUpdateReport report;
+  };
+
+  std::map<std::uint32_t, Pending> pending_;  // by mesh_id: applied in that order
+  std::vector<std::uint32_t> mesh_of_edit_;
+};
+
+}  // namespace gridcast::scene
