@@ -7,6 +7,8 @@
 #include "core/blas/brute_force.h"
 #include "core/blas/bvh.h"
 #include "core/blas/cost_model.h"
+#include "core/blas/embree_tree.h"
+#include "core/blas/kd_tree.h"
 
 namespace gridcast::blas {
 namespace {
@@ -70,8 +72,10 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
       status = store(blas.structure_, Bvh::build(*mesh, options.split, stop));
       break;
     case StructureKind::kKdTree:
+      status = store(blas.structure_, KdTree::build(*mesh, stop));
+      break;
     case StructureKind::kEmbree:
-      status = Error{ErrorCode::kUnsupported, "this structure is not compiled in", {}};
+      status = store(blas.structure_, EmbreeTree::build(*mesh, stop));
       break;
   }
   if (!status) return status.error();

@@ -1,0 +1,41 @@
+#pragma once
+// Embree as an alternative tree: it finds candidates, our triangle test decides, so hits are ours bit for
+// bit.
+
+#include <memory>
+#include <stop_token>
+
+#include "core/blas/blas.h"
+
+namespace gridcast::blas {
+
+/// Embree's tree over user geometry with padded triangle boxes. Cannot be refitted: an Embree scene can be
+/// neither copied nor changed while it is read, so moved vertices get a new one.
+class EmbreeTree {
+ public:
+  /// kCancelled on `stop`; kUnsupported when Embree does not run on this processor; kLimitExceeded when it
+  /// runs out of memory.
+  [[nodiscard]] static Result<std::shared_ptr<const EmbreeTree>> build(const mesh::TriangleMesh& mesh,
+                                                                       std::stop_token stop);
+  EmbreeTree();
+  ~EmbreeTree();
+  EmbreeTree(const EmbreeTree&) = delete;
+  EmbreeTree& operator=(const EmbreeTree&) = delete;
+
+  template <Precision kPrecision, bool kAnyHit>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+
+  /// Embree's nodes cannot be seen from outside: checks the box of all, and for up to kMaxProbes triangles
+  /// that a ray which starts on one is led to it.
+  [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
+  /// Node counts, depth and cost stay 0: Embree does not tell them.
+  void add_stats(StructureStats& stats) const;
+
+  static constexpr std::size_t kMaxProbes = 4096;
+
+ private:
+  struct Scene;
+  std::unique_ptr<Scene> scene_;
+};
+
+}  // namespace gridcast::blas

@@ -1,0 +1,39 @@
+#pragma once
+// A kd-tree over the triangles of one mesh: space is divided, so a triangle may be in several leaves.
+
+#include <memory>
+#include <stop_token>
+
+#include "core/blas/blas.h"
+#include "core/blas/kd_tree_node.h"
+
+namespace gridcast::blas {
+
+class KdTree {
+ public:
+  /// Surface-area splits at the sides of triangles clipped to the cell: "On building fast kd-trees for ray
+  /// tracing, and on doing that in O(N log N)", I. Wald, 2006. Unlike the paper each cell sorts its sides
+  /// anew, O(N log^2 N), and cells above kExactSplits triangles try equally spaced planes.
+  /// kCancelled on `stop`; kLimitExceeded above kMaxKdTriangles.
+  [[nodiscard]] static Result<std::shared_ptr<const KdTree>> build(const mesh::TriangleMesh& mesh,
+                                                                   std::stop_token stop);
+
+  template <Precision kPrecision, bool kAnyHit>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+
+  [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
+  void add_stats(StructureStats& stats) const;
+
+  /// Read access for tests and for drawing.
+  [[nodiscard]] const KdTreeData& data() const { return data_; }
+
+ private:
+  KdTreeData data_;
+};
+
+/// Planes strictly inside their cells, links and ranges in order, depth within the stack, and every triangle
+/// listed by a leaf at each of its corners, edge midpoints and inner sample points. The error's `where` names
+/// the node (`/nodes/17`) or the triangle (`/triangles/3`).
+[[nodiscard]] Status validate_kd_tree(const KdTreeData& tree, const mesh::TriangleMesh& mesh);
+
+}  // namespace gridcast::blas

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "core/math/bounds.h"
+
+namespace gridcast::blas {
+
+/// A box that contains the exact intersection of the triangle and the closed box `cell`, tight up to rounding
+/// and never larger than the triangle's own box or `cell`. None only when the exact intersection is empty.
+[[nodiscard]] std::optional<Bounds3f> clip_triangle(const std::array<Vec3f, 3>& corners,
+                                                    const Bounds3f& cell);
+
+}  // namespace gridcast::blas
