@@ -23,15 +23,18 @@ ARROWS = {
     "tests/": ["core/", "proto/", "server/", "tests/"],
 }
 
+# Tasks: builds and queries share one pool; the server only sets how many threads it has.
+TBB_USERS = ["core/mesh/", "core/blas/", "core/tlas/", "core/scene/", "core/render/", "core/io/", "core/measure/",
+             "server/thread_limit.cpp", "tests/"]
+
 # Where a third-party header may be included: first matching prefix of the name between < and >.
 THIRD_PARTY = {
     "glm/": ["core/math/"],
     "OpenMesh/": ["core/mesh/"],
     "embree3/": ["core/blas/embree_tree.cpp"],
     "embree4/": ["core/blas/embree_tree.cpp"],
-    "tbb/": ["core/mesh/", "core/blas/", "core/tlas/", "core/scene/", "core/render/", "core/measure/",
-             "tests/"],
-    "oneapi/": [],
+    "tbb/": TBB_USERS,
+    "oneapi/tbb/": TBB_USERS,
     "hwy/": ["core/blas/"],
     "tiny_gltf.h": ["core/io/"],
     "draco/": ["core/io/"],
