@@ -1,4 +1,7 @@
+#include <string>
+
 #include "core/io/gltf_check.h"
+#include "core/io/gltf_uri.h"
 
 namespace gridcast::io {
 namespace {
@@ -12,19 +15,42 @@ void check_boolean_in(const Cursor& object, const char* key) {
     value->refuse_here("must be true or false");
 }
 
+/// Textures are not read, but a slot that is not one means a document nobody should trust.
+void check_texture_slot(const Cursor& owner, const char* key) {
+  const auto slot = owner.find(key);
+  if (!slot) return;
+  (void)slot->require("index").integer(0, kMaxCount);
+  for (const char* factor : {"scale", "strength"}) check_number_in(*slot, factor);
+}
+
 void check_materials(const Cursor& root) {
   root.each_object("materials", [](const Cursor& material, std::size_t) {
     material.expect_numbers_in("emissiveFactor", 3);
     check_boolean_in(material, "doubleSided");
+    for (const char* key : {"normalTexture", "occlusionTexture", "emissiveTexture"})
+      check_texture_slot(material, key);
     if (const auto surface = material.find("pbrMetallicRoughness")) {
       surface->expect_numbers_in("baseColorFactor", 4);
       check_number_in(*surface, "metallicFactor");
       check_number_in(*surface, "roughnessFactor");
+      for (const char* key : {"baseColorTexture", "metallicRoughnessTexture"})
+        check_texture_slot(*surface, key);
     }
     const auto extensions = material.find("extensions");
     if (!extensions) return;
     for (const auto& item : extensions->json().items())
       if (!item.value().is_object()) extensions->refuse_here("material extensions must be objects");
+  });
+}
+
+/// Images are never opened here; whoever opens them later must find no way out of the folder.
+void check_images(const Cursor& root) {
+  root.each_object("images", [](const Cursor& image, std::size_t) {
+    const auto uri = image.find("uri");
+    if (!uri) return;
+    uri->expect_string();
+    const auto& text = uri->json().get_ref<const std::string&>();
+    if (!text.starts_with("data:")) (void)check_relative_uri(text, uri->where());
   });
 }
 
@@ -71,6 +97,7 @@ void check_appearance(const Cursor& root) {
   check_materials(root);
   check_cameras(root);
   check_lights(root);
+  check_images(root);
 }
 
 }  // namespace gridcast::io

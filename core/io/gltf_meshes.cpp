@@ -50,6 +50,7 @@ class MeshBuilder {
   struct Block {
     PrimitiveVertices vertices;
     std::uint32_t base;
+    std::uint32_t count;
   };
 
   /// Primitives that name the same accessors share their vertices. Draco data is the primitive's own.
@@ -59,8 +60,9 @@ class MeshBuilder {
       const auto [found, added] = placed_.try_emplace({primitive.attributes, primitive.targets}, base);
       if (!added) return found->second;
     }
-    vertex_count_ += std::uint32_t(vertices.positions.size());
-    blocks_.push_back({std::move(vertices), base});
+    const auto count = std::uint32_t(vertices.positions.size());
+    vertex_count_ += count;
+    blocks_.push_back({std::move(vertices), base, count});
     return base;
   }
 
@@ -131,7 +133,7 @@ void MeshBuilder::join_influences() {
   context_.storage.budget().take(vertex_count_, std::size_t(most) * 6, "/meshes");
   for (const Block& block : blocks_) {
     const PrimitiveVertices& v = block.vertices;
-    for (std::size_t i = 0; i < v.positions.size(); ++i) {
+    for (std::size_t i = 0; i < block.count; ++i) {
       for (std::uint32_t k = 0; k < most; ++k) {
         const bool given = k < v.influences;
         deformation_.joints.push_back(given ? v.joints[i * v.influences + k] : std::uint16_t(0));
@@ -155,7 +157,7 @@ void MeshBuilder::join_targets() {
       context_.storage.budget().take(vertex_count_, sizeof(Vec3f), "/meshes");
       for (const Block& block : blocks_) {
         if (t < block.vertices.targets.size()) append(joined, block.vertices.targets[t].*member);
-        joined.resize(block.base + block.vertices.positions.size(), Vec3f(0.F));
+        joined.resize(std::size_t(block.base) + block.count, Vec3f(0.F));
       }
     }
   }

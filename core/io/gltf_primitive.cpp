@@ -122,8 +122,8 @@ void read_influences(AttributeSource& source, ImportContext& context, const std:
       const float weight = weights[i / 4][4 * v + i % 4];
       const std::uint32_t joint = joints[i / 4][4 * v + i % 4];
       if (!std::isfinite(weight)) refuse_invalid("a joint weight is not finite", where + "/attributes");
-      // Exporters leave any index beside a weight of zero; it moves nothing.
-      out.joints.push_back(weight == 0.F ? std::uint16_t(0) : std::uint16_t(std::min(joint, 0xFFFFU)));
+      // Too large for any skin either way, and refused when the skin is known.
+      out.joints.push_back(std::uint16_t(std::min(joint, 0xFFFFU)));
       out.weights.push_back(weight);
     }
   }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 
 #include "core/io/gltf_import.h"
 #include "core/io/gltf_transform.h"
@@ -27,18 +28,36 @@ scene::Skin make_skin(ImportContext& context, const tinygltf::Skin& source,
   return skin;
 }
 
+/// The largest joint that the vertices of a mesh name, those of points and lines included; kInvalidId = none.
+std::uint32_t largest_joint(ImportContext& context, std::uint32_t mesh, const scene::SceneData& out) {
+  std::uint32_t largest = 0;
+  bool any = false;
+  const auto look = [&](const auto& joints) {
+    if (joints.empty()) return;
+    largest = std::max(largest, std::uint32_t(*std::ranges::max_element(joints)));
+    any = true;
+  };
+  look(out.deformations[mesh].joints);
+  for (const tinygltf::Primitive& primitive : context.storage.model().meshes[mesh].primitives) {
+    if (primitive.mode >= TINYGLTF_MODE_TRIANGLES) continue;
+    for (const char* name : {"JOINTS_0", "JOINTS_1"}) {
+      const auto joints = primitive.attributes.find(name);
+      if (joints != primitive.attributes.end()) look(context.storage.integers(joints->second, 4));
+    }
+  }
+  return any ? largest : kInvalidId;
+}
+
 /// Every joint that a skinned mesh names exists in the skin of each node that shows it.
-void check_joints(const scene::SceneData& out) {
-  std::vector<std::uint32_t> largest(out.deformations.size(), kInvalidId);
+void check_joints(ImportContext& context, const scene::SceneData& out) {
+  std::map<std::uint32_t, std::uint32_t> known;
   for (const scene::Node& node : out.nodes) {
     if (node.skin_id == kInvalidId || node.mesh_id == kInvalidId) continue;
-    const auto& joints = out.deformations[node.mesh_id].joints;
-    if (joints.empty()) continue;
-    std::uint32_t& most = largest[node.mesh_id];
-    if (most == kInvalidId) most = *std::ranges::max_element(joints);
-    if (most >= out.skins[node.skin_id].joints.size())
-      refuse_invalid("the mesh names joint " + std::to_string(most) + ", which its skin does not have",
-                     pointer("nodes", node.file_index) + "/skin");
+    auto [entry, added] = known.try_emplace(node.mesh_id, kInvalidId);
+    if (added) entry->second = largest_joint(context, node.mesh_id, out);
+    if (entry->second == kInvalidId || entry->second < out.skins[node.skin_id].joints.size()) continue;
+    refuse_invalid("the mesh names joint " + std::to_string(entry->second) + ", which its skin does not have",
+                   pointer("nodes", node.file_index) + "/skin");
   }
 }
 
@@ -47,7 +66,7 @@ void check_joints(const scene::SceneData& out) {
 void import_skins(ImportContext& context, const std::vector<std::uint32_t>& place, scene::SceneData& out) {
   for (const tinygltf::Skin& source : context.storage.model().skins)
     out.skins.push_back(make_skin(context, source, place));
-  check_joints(out);
+  check_joints(context, out);
 }
 
 }  // namespace gridcast::io

@@ -66,7 +66,7 @@ std::string percent_decode(std::string_view uri, const std::string& where) {
 }
 
 /// Only a plain relative path is left: no scheme, root, backslash, control character or step up.
-void check_relative(const std::string& path, const std::string& where) {
+void check_relative_path(const std::string& path, const std::string& where) {
   const bool odd = std::ranges::any_of(
       path, [](char c) { return c == '\\' || c == ':' || static_cast<unsigned char>(c) < 0x20; });
   if (path.empty() || odd || path.front() == '/')
@@ -104,6 +104,12 @@ std::vector<std::byte> decode_data_uri(std::string_view uri, const std::string& 
   return decode_base64(uri.substr(comma + 1), where);
 }
 
+std::string check_relative_uri(std::string_view uri, const std::string& where) {
+  std::string path = percent_decode(uri, where);
+  check_relative_path(path, where);
+  return path;
+}
+
 std::vector<std::byte> read_plain_file(const std::filesystem::path& path, std::size_t max_bytes,
                                        const std::string& where) {
   // Not blocking: opening a pipe must not hang.
@@ -125,8 +131,7 @@ std::vector<std::byte> read_plain_file(const std::filesystem::path& path, std::s
 
 std::vector<std::byte> read_relative_uri(std::string_view uri, const std::filesystem::path& folder,
                                          std::size_t max_bytes, const std::string& where) {
-  const std::string relative = percent_decode(uri, where);
-  check_relative(relative, where);
+  const std::string relative = check_relative_uri(uri, where);
   std::error_code failed;
   const auto root = std::filesystem::canonical(folder, failed);
   const auto target = failed ? std::filesystem::path() : std::filesystem::canonical(root / relative, failed);
