@@ -1,5 +1,6 @@
 #include "proto/scene_request.h"
 
+#include <algorithm>
 #include <unordered_set>
 
 #include "proto/json_reader.h"
@@ -7,6 +8,8 @@
 
 namespace gridcast::proto {
 namespace {
+
+constexpr std::string_view kSceneNameRule = "must be 1 to 64 letters, digits, '_', '.' or '-'";
 
 /// One row of a transform: four numbers.
 std::optional<glm::dvec4> read_row(const JsonNode& node) {
@@ -88,14 +91,22 @@ std::vector<InstanceMove> read_moves(const JsonNode& node, const Limits& limits)
 
 }  // namespace
 
+bool is_scene_name(std::string_view name) {
+  const auto allowed = [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' ||
+           c == '.' || c == '-';
+  };
+  return !name.empty() && name.size() <= kMaxSceneNameBytes && name != "." && name != ".." &&
+         std::all_of(name.begin(), name.end(), allowed);
+}
+
 Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits& limits) {
   QueryReader reader(query, {"name", "structure", "scene"});
   SceneQuery scene;
   if (const std::string* name = reader.find("name")) {
     scene.name = *name;
-    if (name->empty()) reader.fail(ProblemCode::kInvalidValue, "name", "must not be empty");
-    if (const auto complaint = complain_about_name(*name, limits.name_bytes))
-      reader.fail(ProblemCode::kInvalidValue, "name", *complaint);
+    if (!is_scene_name(*name) || name->size() > limits.name_bytes)
+      reader.fail(ProblemCode::kInvalidValue, "name", std::string(kSceneNameRule));
   }
   scene.structure = reader.choice("structure", kStructureNames, scene.structure);
   if (reader.find("scene") != nullptr)
@@ -111,7 +122,7 @@ Parsed<EmptySceneRequest> parse_empty_scene(std::string_view body, const Limits&
     if (root.problems->any()) return request;
     if (const JsonNode* name = object.require("name")) {
       request.name = read_name(*name, limits.name_bytes);
-      if (request.name.empty()) name->fail(ProblemCode::kInvalidValue, "must not be empty");
+      if (!is_scene_name(request.name)) name->fail(ProblemCode::kInvalidValue, std::string(kSceneNameRule));
     }
     return request;
   });

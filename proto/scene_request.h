@@ -18,6 +18,10 @@
 
 namespace gridcast::proto {
 
+/// A scene's name is its id and part of its path: letters, digits, '_', '.' and '-', not "." or "..".
+inline constexpr std::size_t kMaxSceneNameBytes = 64;
+[[nodiscard]] bool is_scene_name(std::string_view name);
+
 /// POST /v1/scenes?name=&structure=&scene= beside any body.
 struct SceneQuery {
   std::string name;                         ///< empty: the server makes one
