@@ -1,0 +1,234 @@
+"""A client of Gridcast for numpy users: one file, no dependency but numpy.
+
+    server = Service("http://127.0.0.1:8080")
+    scene = server.create_scene("engine.glb", name="engine")
+    hits = scene.closest(origins, directions)          # float arrays [N, 3] in world space
+    hits["t"], hits["instance_id"], hits["normal"]     # [N], [N], [N, 3]
+    scene.move({4: matrix})                            # [3, 4] or [4, 4], world from object
+    open("picture.png", "wb").write(scene.render(width_px=800, height_px=600))
+
+A ray that hits nothing has t = inf, status 0 and ids NO_ID; an invalid ray has status 4.
+"""
+
+import json
+import struct
+import urllib.error
+import urllib.parse
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+
+NO_ID = 0xFFFFFFFF
+RAYS_TYPE = "application/vnd.gridcast.rays"
+HITS_TYPE = "application/vnd.gridcast.hits"
+VERTICES_TYPE = "application/vnd.gridcast.vertices"
+DTYPES = {"F64": "<f8", "F32": "<f4", "U32": "<u4", "U8": "u1"}
+
+
+class GridcastError(Exception):
+    """The server refused: `status` (HTTP), `code` (stable), `detail` (a sentence), `pointer` (where)."""
+
+    def __init__(self, status, problem):
+        self.status = status
+        self.code = problem.get("code", "unknown")
+        self.detail = problem.get("detail", "")
+        self.pointer = problem.get("pointer", "")
+        super().__init__(f"{status} {self.code} {self.pointer}: {self.detail}")
+
+
+def decode_columns(body):
+    """The columns of a binary answer as {name: array} without copying, and its metadata (text values)."""
+    (length,) = struct.unpack_from("<Q", body)
+    head = json.loads(bytes(body[8:8 + length]))
+    metadata = head.pop("__metadata__", {})
+    columns = {}
+    for name, column in head.items():
+        begin, end = column["data_offsets"]
+        data = memoryview(body)[8 + length + begin:8 + length + end]
+        columns[name] = np.frombuffer(data, DTYPES[column["dtype"]]).reshape(column["shape"])
+    return columns, metadata
+
+
+def encode_rays(origins, directions, tnear=None, tfar=None, dtype=np.float64):
+    """(media type, bytes) of rays: origins and directions [N, 3] or [3], tnear and tfar [N] or scalars."""
+    origins, directions = np.broadcast_arrays(np.atleast_2d(origins), np.atleast_2d(directions))
+    count = len(origins)
+    if tnear is None and tfar is None:
+        rows = np.concatenate([origins, directions], axis=1)
+    else:
+        near = np.broadcast_to(0.0 if tnear is None else tnear, count)
+        far = np.broadcast_to(np.inf if tfar is None else tfar, count)
+        rows = np.column_stack([origins, near, directions, far])
+    kind = np.dtype(dtype)
+    if kind not in (np.float32, np.float64):
+        raise ValueError("rays are float32 or float64")
+    media_type = f"{RAYS_TYPE}; dtype={kind.name}; columns={rows.shape[1]}"
+    return media_type, np.ascontiguousarray(rows, kind.newbyteorder("<")).tobytes()
+
+
+class Service:
+    """A running server. `timeout_s` bounds every request."""
+
+    def __init__(self, url="http://127.0.0.1:8080", timeout_s=60.0):
+        self.url = url.rstrip("/")
+        self.timeout_s = timeout_s
+
+    def request(self, method, path, body=None, content_type=None, accept="application/json", headers=None):
+        """(body bytes, headers); GridcastError when the server refuses."""
+        if isinstance(body, (dict, list)):
+            body, content_type = json.dumps(body, allow_nan=False).encode(), "application/json"
+        send = {"Accept": accept} | ({"Content-Type": content_type} if content_type else {}) | (headers or {})
+        request = urllib.request.Request(self.url + path, data=body, method=method, headers=send)
+        try:
+            with urllib.request.urlopen(request, timeout=self.timeout_s) as reply:
+                return reply.read(), reply.headers
+        except urllib.error.HTTPError as error:
+            text = error.read()
+            try:
+                problem = json.loads(text)
+            except ValueError:
+                problem = {"detail": text[:200].decode(errors="replace")}
+            raise GridcastError(error.code, problem) from None
+
+    def get(self, path):
+        """The JSON at a path."""
+        return json.loads(self.request("GET", path)[0])
+
+    def info(self):
+        """Version, vocabulary and limits of the server."""
+        return self.get("/v1")
+
+    def scenes(self):
+        """Every scene's description."""
+        return self.get("/v1/scenes")["scenes"]
+
+    def scene(self, scene_id):
+        """A scene that exists."""
+        return Scene(self, scene_id)
+
+    def create_scene(self, glb, name=None, structure=None, gltf_scene=None):
+        """A new scene of a GLB: a path, or its bytes."""
+        data = glb if isinstance(glb, (bytes, bytearray)) else Path(glb).read_bytes()
+        query = {"name": name, "structure": structure, "scene": gltf_scene}
+        return self._create(query, bytes(data), "model/gltf-binary")
+
+    def create_empty(self, name):
+        """A new scene without meshes."""
+        return self._create({}, {"name": name}, None)
+
+    def _create(self, query, body, content_type):
+        body, _ = self.request("POST", "/v1/scenes" + _query(query), body, content_type)
+        info = json.loads(body)
+        return Scene(self, info["id"], info)
+
+
+class Scene:
+    """One scene of a server. `version` is that of the last answer."""
+
+    def __init__(self, service, scene_id, info=None):
+        self.service = service
+        self.id = scene_id
+        self.path = "/v1/scenes/" + urllib.parse.quote(scene_id, safe="")
+        self.version = int(info["scene_version"]) if info else None
+
+    def _call(self, method, path, body=None, content_type=None, accept="application/json", if_version=None):
+        headers = {} if if_version is None else {"If-Match": f'"{if_version}"'}
+        body, headers = self.service.request(method, self.path + path, body, content_type, accept, headers)
+        if "Scene-Version" in headers:
+            self.version = int(headers["Scene-Version"])
+        return body
+
+    def _json(self, method, path, body=None, content_type=None, if_version=None):
+        return json.loads(self._call(method, path, body, content_type, if_version=if_version))
+
+    def info(self):
+        """Counts, bounds, bytes, times and warnings."""
+        return self._json("GET", "")
+
+    def meshes(self):
+        """Every mesh's description."""
+        return self._json("GET", "/meshes")["meshes"]
+
+    def mesh(self, mesh_id):
+        """One mesh's description, with its topology."""
+        return self._json("GET", f"/meshes/{mesh_id}")
+
+    def structure(self):
+        """The grid and the structure of every mesh."""
+        return self._json("GET", "/structure")
+
+    def instances(self):
+        """Every instance's description, page by page."""
+        offset = 0
+        while offset is not None:
+            page = self._json("GET", f"/instances?offset={offset}")
+            yield from page["instances"]
+            offset = page["next_offset"]
+
+    def delete(self, if_version=None):
+        """Forgets the scene on the server."""
+        self._call("DELETE", "", if_version=if_version)
+
+    def closest(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, precision=None, fields=None,
+                deadline_ms=None):
+        """Closest hits of rays: origins and directions [N, 3]; tnear and tfar [N], scalars or None.
+
+        Returns {"t": f8 [N], "status": u1 [N], "instance_id", "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2],
+        "normal": f4 [N, 3]}, or status, t and the `fields` asked for.
+        """
+        query = {"precision": precision, "fields": ",".join(fields) if fields is not None else None,
+                 "deadline_ms": deadline_ms}
+        return self._rays("closest", encode_rays(origins, directions, tnear, tfar, dtype), query)
+
+    def occluded(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, precision=None,
+                 deadline_ms=None):
+        """Whether anything lies on each ray: bool [N]. Invalid rays are not occluded."""
+        query = {"precision": precision, "deadline_ms": deadline_ms}
+        columns = self._rays("any", encode_rays(origins, directions, tnear, tfar, dtype), query)
+        return columns["status"] == 1
+
+    def _rays(self, kind, encoded, query):
+        media_type, body = encoded
+        return decode_columns(self._call("POST", f"/rays/{kind}" + _query(query), body, media_type, HITS_TYPE))[0]
+
+    def render(self, camera="auto", **settings):
+        """PNG bytes, or EXR bytes with format="exr". `camera`: "auto", the index of a camera of the file, or
+        {"eye": [3], "target": [3], "up": [3], "yfov_deg": 45}. Settings: width_px, height_px, integrator, layers,
+        samples, max_depth, precision, format, deadline_ms."""
+        return self._call("POST", "/renders", {"camera": camera} | settings, accept="image/png, image/x-exr;q=0.9")
+
+    def add_instance(self, mesh_id, transform=None, name=None, if_version=None):
+        """Places a mesh once more, at a [3, 4] or [4, 4] matrix; returns the instance's id."""
+        body = {"mesh_id": int(mesh_id)}
+        if transform is not None:
+            body["transform"] = np.asarray(transform, float).tolist()
+        if name is not None:
+            body["name"] = name
+        return self._json("POST", "/instances", body, if_version=if_version)["instance_id"]
+
+    def move(self, transforms, if_version=None):
+        """Moves instances in one version: {instance id: [3, 4] or [4, 4] matrix, world from object}."""
+        moves = [{"instance_id": int(i), "transform": np.asarray(m, float).tolist()} for i, m in transforms.items()]
+        return self._json("PATCH", "/instances", {"moves": moves}, if_version=if_version)
+
+    def remove_instance(self, instance_id, if_version=None):
+        """Removes an instance; its id stays unused."""
+        self._call("DELETE", f"/instances/{instance_id}", if_version=if_version)
+
+    def replace_vertices(self, mesh_id, positions, vertex_ids=None, update="auto", if_version=None):
+        """New object-space positions [N, 3] of all vertices, or [K, 3] of those in `vertex_ids` [K].
+
+        Returns {"action": "refit" or "rebuild", "cost_before", "cost_after", "ms", ...}.
+        """
+        body = np.ascontiguousarray(positions, "<f4").tobytes()
+        layout = "whole"
+        if vertex_ids is not None:
+            body, layout = np.ascontiguousarray(vertex_ids, "<u4").tobytes() + body, "sparse"
+        return self._json("PATCH", f"/meshes/{mesh_id}/vertices" + _query({"update": update}), body,
+                          f"{VERTICES_TYPE}; layout={layout}", if_version)
+
+
+def _query(parameters):
+    given = {name: value for name, value in parameters.items() if value is not None}
+    return "?" + urllib.parse.urlencode(given) if given else ""
