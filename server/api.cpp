@@ -1,0 +1,97 @@
+#include "server/api.h"
+
+#include <charconv>
+#include <cstdio>
+
+#include "proto/etag.h"
+#include "proto/media_type.h"
+#include "server/problem.h"
+
+namespace gridcast::server {
+
+using proto::Problem;
+using proto::ProblemCode;
+
+Router make_router(Api& api) {
+  Router router;
+  add_meta_routes(router, api);
+  add_scene_routes(router, api);
+  add_mesh_routes(router, api);
+  add_instance_routes(router, api);
+  add_ray_routes(router, api);
+  add_render_routes(router, api);
+  return router;
+}
+
+std::variant<OpenScene, Problem> open_scene(const Api& api, const HttpRequest& request) {
+  auto named = api.store.find(request.capture("s"));
+  if (!named) return Problem{ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
+  auto snapshot = named->snapshot();
+  return OpenScene{std::move(named), std::move(snapshot)};
+}
+
+std::optional<std::uint32_t> parse_id(std::string_view text) {
+  std::uint32_t id = 0;
+  const auto parsed = std::from_chars(text.data(), text.data() + text.size(), id);
+  const bool canonical = text == "0" || (!text.empty() && text[0] != '0');
+  if (!canonical || parsed.ec != std::errc() || parsed.ptr != text.data() + text.size() || id == kInvalidId)
+    return std::nullopt;
+  return id;
+}
+
+HttpResponse versioned_json(std::string body, std::uint64_t version, int status) {
+  HttpResponse response{status, std::string(proto::kJsonMediaType), std::move(body), {}};
+  response.with("Scene-Version", std::to_string(version)).with("ETag", proto::etag(version));
+  return response;
+}
+
+std::optional<HttpResponse> not_modified(const HttpRequest& request, std::uint64_t version) {
+  const std::string tags = request.header("if-none-match");
+  if (tags.empty()) return std::nullopt;
+  switch (proto::match_etag(tags, version, proto::TagComparison::kWeak)) {
+    case proto::TagMatch::kDiffers:
+      return std::nullopt;
+    case proto::TagMatch::kMalformed:
+      return problem_response({ProblemCode::kInvalidHeader,
+                               "If-None-Match must be * or a list of quoted versions", "If-None-Match"});
+    case proto::TagMatch::kMatches:
+      break;
+  }
+  HttpResponse response{304, "", "", {}};
+  response.with("Scene-Version", std::to_string(version)).with("ETag", proto::etag(version));
+  return response;
+}
+
+double Timing::mark(std::string_view phase) {
+  const Clock::time_point now = Clock::now();
+  const double ms = ms_between(last_, now);
+  last_ = now;
+  char text[64];
+  std::snprintf(text, sizeof(text), "%.*s;dur=%.3f", int(phase.size()), phase.data(), ms);
+  header_.append(header_.empty() ? "" : ", ").append(text);
+  return ms;
+}
+
+std::variant<scene::UpdateResult, Problem> update_scene(
+    Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
+    const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of) {
+  auto result = named.update(request.header("if-match"), edits);
+  if (auto* problem = std::get_if<Problem>(&result)) return std::move(*problem);
+  if (auto* error = std::get_if<Error>(&result)) {
+    Problem problem = problem_of(*error, proto::ErrorContext::kUpdate, cancellation);
+    problem.pointer = pointer_of(problem.pointer);
+    return problem;
+  }
+  scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
+  api.metrics.count_update(updated.report);
+  return std::move(updated);
+}
+
+std::string without_edit(const std::string& pointer) {
+  const std::string prefix = "/edits/";
+  if (pointer.rfind(prefix, 0) != 0) return pointer;
+  const std::size_t rest = pointer.find('/', prefix.size());
+  return rest == std::string::npos ? std::string() : pointer.substr(rest);
+}
+
+}  // namespace gridcast::server

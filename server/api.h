@@ -1,0 +1,79 @@
+#pragma once
+// What the routes share, and the few steps that most of them take.
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+
+#include "proto/limits.h"
+#include "server/http_types.h"
+#include "server/metrics.h"
+#include "server/router.h"
+#include "server/scene_store.h"
+#include "server/work_gate.h"
+
+namespace gridcast::server {
+
+struct Api {
+  proto::Limits limits;
+  SceneStore store{1};
+  Metrics metrics;
+  WorkGate gate{1};
+  std::size_t threads = 1;
+  std::function<std::size_t()> requests_in_flight = [] { return std::size_t(0); };
+  std::function<bool()> ready = [] { return true; };
+
+  Api(const proto::Limits& limits_in_force, std::size_t thread_count)
+      : limits(limits_in_force), store(limits.scenes), gate(thread_count + 1), threads(thread_count) {}
+};
+
+void add_meta_routes(Router& router, Api& api);
+void add_scene_routes(Router& router, Api& api);
+void add_mesh_routes(Router& router, Api& api);
+void add_instance_routes(Router& router, Api& api);
+void add_ray_routes(Router& router, Api& api);
+void add_render_routes(Router& router, Api& api);
+[[nodiscard]] Router make_router(Api& api);
+
+/// A scene and the one snapshot that a request works on.
+struct OpenScene {
+  std::shared_ptr<NamedScene> named;
+  std::shared_ptr<const scene::Scene> scene;
+};
+/// The scene of the path's {s}.
+[[nodiscard]] std::variant<OpenScene, proto::Problem> open_scene(const Api& api, const HttpRequest& request);
+
+/// An id in a path: digits only, below 2^32 - 1.
+[[nodiscard]] std::optional<std::uint32_t> parse_id(std::string_view text);
+
+/// JSON about one version of a scene, with Scene-Version and ETag.
+[[nodiscard]] HttpResponse versioned_json(std::string body, std::uint64_t version, int status = 200);
+/// 304 when If-None-Match names `version`, 400 when it is malformed.
+[[nodiscard]] std::optional<HttpResponse> not_modified(const HttpRequest& request, std::uint64_t version);
+
+/// Server-Timing: parse;dur=1.2, wait;dur=0.1 ...
+class Timing {
+ public:
+  /// Ends the phase that began at the last call or at construction.
+  double mark(std::string_view phase);
+  [[nodiscard]] const std::string& header() const { return header_; }
+
+ private:
+  Clock::time_point last_ = Clock::now();
+  std::string header_;
+};
+
+/// Applies edits under If-Match; `pointer_of` maps a pointer of core's (`/edits/2/...`) to the request's
+/// shape.
+[[nodiscard]] std::variant<scene::UpdateResult, proto::Problem> update_scene(
+    Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
+    const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of);
+
+/// "/edits/7/rest" -> "/rest".
+[[nodiscard]] std::string without_edit(const std::string& pointer);
+
+}  // namespace gridcast::server

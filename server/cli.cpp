@@ -1,0 +1,61 @@
+#include "server/cli.h"
+
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <vector>
+
+#include "server/cli_common.h"
+#include "server/signals.h"
+
+namespace gridcast::server {
+namespace {
+
+constexpr const char* kFooter = R"(
+Examples:
+  gridcast info engine.glb
+  gridcast cast engine.glb --camera-grid 1024x1024 -o hits.bin
+  gridcast render engine.glb -o engine.png --width 800 --height 600
+  gridcast serve --port 8080 --load engine=engine.glb
+
+Exit codes: 0 done, 1 the work failed, 2 wrong usage, 130 interrupted.
+'gridcast COMMAND --help' says more about each.)";
+
+int run_chosen(CLI::App& program, const std::vector<std::unique_ptr<Command>>& commands,
+               const std::stop_token& stop) {
+  for (const auto& command : commands)
+    if (program.got_subcommand(&command->app())) return command->run(stop);
+  return kExitUsage;
+}
+
+}  // namespace
+
+int run_command_line(int argc, char** argv) {
+  CLI::App program("Ray casting and rendering of 3D scenes, from files or as an HTTP service.", "gridcast");
+  program.set_version_flag("--version", std::string("gridcast ") + GRIDCAST_VERSION);
+  program.require_subcommand(1);
+  program.footer(kFooter);
+  std::vector<std::unique_ptr<Command>> commands;
+  commands.push_back(make_serve_command(program));
+  commands.push_back(make_cast_command(program));
+  commands.push_back(make_render_command(program));
+  commands.push_back(make_info_command(program));
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::Success& asked) {  // --help and --version
+    return program.exit(asked);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "gridcast: %s (see gridcast --help)\n", error.what());
+    return kExitUsage;
+  }
+  const SignalWatch signals;
+  try {
+    const int code = run_chosen(program, commands, signals.token());
+    return code;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "gridcast: %s\n", error.what());
+    return kExitFailed;
+  }
+}
+
+}  // namespace gridcast::server

@@ -1,0 +1,82 @@
+#include "server/cli_common.h"
+
+#include <cstdio>
+
+#include "proto/vocabulary.h"
+#include "server/signals.h"
+
+namespace gridcast::server {
+
+void add_file_options(CLI::App& command, FileOptions& options) {
+  command.add_option("SCENE", options.path, "A .glb or .gltf file")->required();
+  command
+      .add_option("--structure", options.structure,
+                  "Tree of each mesh: auto, brute_force, bvh, kd_tree or embree")
+      ->capture_default_str()
+      ->check(CLI::IsMember(
+          std::vector<std::string>(proto::kStructureNames.begin(), proto::kStructureNames.end())));
+  command.add_option("--split", options.split, "How a BVH splits: midpoint, median or sah")
+      ->capture_default_str()
+      ->check(CLI::IsMember({"midpoint", "median", "sah"}));
+  command.add_option("--scene-index", options.scene_index,
+                     "Which scene of the file; without it the file's default scene");
+  command.add_option("--threads", options.threads, "Threads to use; 0 = every core")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 4096));
+  command.add_flag("-q,--quiet", options.quiet, "No progress bar, no remarks");
+  command.add_flag("--json", options.json, "Print the result as one JSON object on stdout");
+}
+
+std::optional<LoadedScene> load_for_command(const FileOptions& options, const std::stop_token& stop) {
+  ProgressBar bar("building", options.verbosity());
+  LoadOptions load;
+  load.blas.kind = blas::parse_structure_kind(options.structure).value();
+  load.blas.split = blas::parse_bvh_split(options.split).value();
+  load.gltf.scene_index = options.scene_index;
+  load.stop = stop;
+  load.progress = bar.callback();
+  auto loaded = load_scene_file(options.path, load);
+  if (loaded) return std::move(loaded).value();
+  report(options.path, loaded.error());
+  return std::nullopt;
+}
+
+int report(const std::string& file, const Error& error) {
+  std::string text = "gridcast: " + file + ": " + error.message;
+  if (!error.where.empty()) text += " (" + error.where + ")";
+  // One line, whatever a file's names hold.
+  for (char& c : text)
+    if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+  std::fprintf(stderr, "%s\n", text.c_str());
+  return error.code == ErrorCode::kCancelled ? kExitInterrupted : kExitFailed;
+}
+
+Result<Precision> parse_precision(const std::string& name) {
+  if (name == "fast") return Precision::kFast;
+  if (name == "robust") return Precision::kRobust;
+  return Error{ErrorCode::kInvalidArgument, "precision is fast or robust", "--precision"};
+}
+
+std::string grouped(std::uint64_t number) {
+  std::string text = std::to_string(number);
+  for (std::size_t at = text.size(); at > 3;) {
+    at -= 3;
+    text.insert(at, 1, ',');
+  }
+  return text;
+}
+
+std::string bytes_text(std::size_t bytes) {
+  constexpr const char* kUnits[] = {"B", "KiB", "MiB", "GiB", "TiB"};
+  double value = double(bytes);
+  std::size_t unit = 0;
+  while (value >= 1024.0 && unit + 1 < std::size(kUnits)) {
+    value /= 1024.0;
+    ++unit;
+  }
+  char text[32];
+  std::snprintf(text, sizeof(text), unit == 0 ? "%.0f %s" : "%.1f %s", value, kUnits[unit]);
+  return text;
+}
+
+}  // namespace gridcast::server

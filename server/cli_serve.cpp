@@ -1,0 +1,166 @@
+#include <atomic>
+#include <cstdio>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "server/api.h"
+#include "server/cli_common.h"
+#include "server/http_server.h"
+#include "server/load.h"
+#include "server/log.h"
+#include "server/signals.h"
+#include "server/thread_limit.h"
+
+namespace gridcast::server {
+namespace {
+
+constexpr const char* kFooter = R"(
+Prints 'listening on http://HOST:PORT' on stdout once it does. The contract is at /openapi.json, probes at
+/healthz/live and /healthz/ready, Prometheus' metrics at /metrics. Ctrl-C or SIGTERM lets requests at work finish;
+a second one ends at once.
+
+There is no authentication yet: whoever reaches the port may do everything. It listens on the loopback address
+unless --allow-public is given as well.
+
+Examples:
+  gridcast serve --port 8080 --load engine=engine.glb
+  curl -s --data-binary @engine.glb -H 'Content-Type: model/gltf-binary' 'http://127.0.0.1:8080/v1/scenes?name=engine'
+  curl -s http://127.0.0.1:8080/v1/scenes/engine/rays/closest -H 'Content-Type: application/json' \
+       -d '{"origins": [[0,0,900]], "directions": [[0,0,-1]]}')";
+
+bool is_loopback(const std::string& host) {
+  return host == "localhost" || host == "::1" || host.rfind("127.", 0) == 0;
+}
+
+struct ServeOptions {
+  HttpServerOptions http;
+  proto::Limits limits;
+  std::size_t threads = 0;
+  std::vector<std::string> load;  ///< NAME=FILE
+  std::string log_level = "info";
+  std::string log_format = "text";
+  bool allow_public = false;
+};
+
+void add_limit_options(CLI::App& app, proto::Limits& limits) {
+  const char* group = "Limits (published at GET /v1)";
+  const auto add = [&](const char* flag, auto& value, const char* help) {
+    app.add_option(flag, value, help)->capture_default_str()->check(CLI::PositiveNumber)->group(group);
+  };
+  add("--max-json-bytes", limits.json_bytes, "A JSON body");
+  add("--max-json-rays", limits.json_rays, "Rays in a JSON body");
+  add("--max-binary-bytes", limits.binary_bytes, "A binary body");
+  add("--max-binary-rays", limits.binary_rays, "Rays in a binary body");
+  add("--max-glb-bytes", limits.glb_bytes, "A model");
+  add("--max-image-side", limits.image_side_px, "Pixels of a picture's side");
+  add("--max-image-samples", limits.image_samples, "Width x height x samples of a picture");
+  add("--max-scenes", limits.scenes, "Scenes at once");
+  add("--deadline-ms", limits.deadline_ms, "A request's work, the wait in the queue included");
+}
+
+class ServeCommand final : public Command {
+ public:
+  explicit ServeCommand(CLI::App& app) : Command(app) {
+    app.footer(kFooter);
+    app.add_option("--host", options_.http.host, "Address to listen on")->capture_default_str();
+    app.add_option("--port", options_.http.port, "Port; 0 = any free one")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 65535));
+    app.add_option("--load", options_.load, "Load a scene before serving: NAME=FILE.glb (repeatable)");
+    app.add_option("--threads", options_.threads, "Threads for builds, rays and pictures; 0 = every core")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 4096));
+    app.add_option("--max-connections", options_.http.connection_threads, "Connections served at once")
+        ->capture_default_str()
+        ->check(CLI::Range(1, 4096));
+    app.add_option("--max-queued-connections", options_.http.max_queued_connections,
+                   "Connections that may wait")
+        ->capture_default_str()
+        ->check(CLI::Range(0, 65536));
+    add_limit_options(app, options_.limits);
+    app.add_option("--log-level", options_.log_level, "debug, info, warning, error or off")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}));
+    app.add_option("--log-format", options_.log_format, "text or json")
+        ->capture_default_str()
+        ->check(CLI::IsMember({"text", "json"}));
+    app.add_flag("--allow-public", options_.allow_public, "Allow a --host that is not a loopback address");
+  }
+
+  int run(const std::stop_token& stop) override {
+    if (!is_loopback(options_.http.host) && !options_.allow_public) {
+      std::fprintf(stderr,
+                   "gridcast: --host %s can be reached by others and there is no authentication; "
+                   "add --allow-public if that is meant\n",
+                   options_.http.host.c_str());
+      return kExitUsage;
+    }
+    start_log(options_.log_level, options_.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
+    if (!is_loopback(options_.http.host)) log_warning("listening on a public address without authentication");
+    const ThreadLimit limit(options_.threads);
+    Api api(options_.limits, limit.threads());
+    std::atomic<bool> loaded{options_.load.empty()};
+    api.ready = [&] { return loaded && !stop.stop_requested(); };
+    return serve(api, loaded, stop);
+  }
+
+ private:
+  int serve(Api& api, std::atomic<bool>& loaded, const std::stop_token& stop) {
+    options_.http.deadline = std::chrono::milliseconds(std::int64_t(options_.limits.deadline_ms));
+    HttpServer http(make_router(api), options_.http, [&api](const RequestRecord& record) {
+      api.metrics.count_request(record);
+      log_request(record);
+    });
+    api.requests_in_flight = [&http] { return http.requests_in_flight(); };
+    const Result<int> port = http.bind();
+    if (!port) return report("serve", port.error());
+    const bool is_v6 = options_.http.host.find(':') != std::string::npos;
+    std::printf(is_v6 ? "listening on http://[%s]:%d\n" : "listening on http://%s:%d\n",
+                options_.http.host.c_str(), *port);
+    std::fflush(stdout);
+    // The probes answer while scenes load; /healthz/ready turns when all are there.
+    std::atomic<int> code{kExitDone};
+    std::thread loader([&] {
+      code = load_all(api, stop);
+      loaded = true;
+      if (code != kExitDone) http.stop();
+    });
+    const std::stop_callback on_signal(stop, [&http] { http.stop(); });
+    http.serve();
+    loader.join();
+    log_info("stopped");
+    return stop.stop_requested() ? kExitDone : code.load();
+  }
+
+  int load_all(Api& api, const std::stop_token& stop) {
+    for (const std::string& item : options_.load) {
+      const std::size_t equals = item.find('=');
+      const std::string name = item.substr(0, equals);
+      if (equals == item.npos || !SceneStore::is_valid_id(name)) {
+        std::fprintf(stderr, "gridcast: --load takes NAME=FILE, NAME of letters, digits, '_', '.', '-'\n");
+        return kExitUsage;
+      }
+      LoadOptions load;
+      load.stop = stop;
+      auto scene = load_scene_file(item.substr(equals + 1), load);
+      if (!scene) return report(item.substr(equals + 1), scene.error());
+      auto created = api.store.create(name, scene->scene, {"auto", scene->import_ms, scene->build_ms});
+      if (const auto* problem = std::get_if<proto::Problem>(&created))
+        return report(name, Error{ErrorCode::kConflict, problem->detail, "--load"});
+      log_info("loaded " + name);
+    }
+    return kExitDone;
+  }
+
+  ServeOptions options_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_serve_command(CLI::App& program) {
+  return std::make_unique<ServeCommand>(*program.add_subcommand("serve", "Serve scenes over HTTP"));
+}
+
+}  // namespace gridcast::server

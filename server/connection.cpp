@@ -1,0 +1,188 @@
+#include "server/connection.h"
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <utility>
+
+#include <poll.h>
+#include <sys/socket.h>
+
+namespace gridcast::server {
+namespace {
+
+using proto::Problem;
+using proto::ProblemCode;
+
+constexpr std::size_t kReceiveBytes = 256 * 1024;
+// A chunk's size in hexadecimal digits and its extensions; trailers are bounded the same way.
+constexpr std::size_t kMaxChunkLine = 256;
+constexpr std::chrono::milliseconds kSlice{100};  // how often an idle connection looks whether to stop
+
+/// True when `socket` is ready for `events` before `until`.
+bool wait_for(int socket, short events, Clock::time_point until) {
+  const auto left = std::chrono::ceil<std::chrono::milliseconds>(until - Clock::now()).count();
+  pollfd entry{socket, events, 0};
+  return ::poll(&entry, 1, int(std::clamp<long long>(left, 0, 60'000))) > 0;
+}
+
+BodyError invalid_body(std::string detail) {
+  return {Problem{ProblemCode::kInvalidRequest, std::move(detail), ""}};
+}
+BodyError large_body(std::size_t max_bytes) {
+  return {Problem{ProblemCode::kPayloadTooLarge,
+                  "the body is larger than " + std::to_string(max_bytes) + " bytes", ""}};
+}
+/// After a failed wait or read: the time is up, or the client is gone.
+BodyError broken_body(Clock::time_point deadline) {
+  return Clock::now() >= deadline ? invalid_body("the body came too slowly") : BodyError{};
+}
+
+}  // namespace
+
+Connection::Connection(int socket, const ConnectionLimits& limits, std::function<bool()> stopping)
+    : socket_(socket), limits_(limits), stopping_(std::move(stopping)) {}
+
+bool Connection::receive(Clock::time_point until) {
+  if (!wait_for(socket_, POLLIN, until)) return false;
+  const std::size_t before = buffer_.size();
+  buffer_.resize(before + kReceiveBytes);
+  const ssize_t n = ::recv(socket_, buffer_.data() + before, kReceiveBytes, 0);
+  buffer_.resize(before + std::size_t(std::max<ssize_t>(n, 0)));
+  return n > 0;
+}
+
+std::optional<std::variant<HttpHead, HeadError>> Connection::read_head() {
+  const Clock::time_point idle_until = Clock::now() + limits_.keep_alive;
+  while (buffer_.empty()) {
+    if (stopping_() || Clock::now() >= idle_until) return std::nullopt;
+    if (wait_for(socket_, POLLIN, Clock::now() + kSlice) && !receive(Clock::now())) return std::nullopt;
+  }
+  head_started_ = Clock::now();
+  const Clock::time_point until = head_started_ + limits_.head;
+  std::size_t end = buffer_.find("\r\n\r\n");
+  while (end == buffer_.npos && buffer_.size() <= kMaxHeadBytes) {
+    const std::size_t seen = buffer_.size();
+    if (!receive(until)) {
+      if (Clock::now() >= until) return HeadError{ProblemCode::kInvalidRequest, "the head came too slowly"};
+      return std::nullopt;
+    }
+    end = buffer_.find("\r\n\r\n", seen < 3 ? 0 : seen - 3);
+  }
+  if (end == buffer_.npos || end + 4 > kMaxHeadBytes) {
+    const bool long_target = buffer_.find("\r\n") > kMaxTargetBytes;
+    return long_target ? HeadError{ProblemCode::kUriTooLong, "the request target is too long"}
+                       : HeadError{ProblemCode::kHeadersTooLarge, "the head is larger than 16 KiB"};
+  }
+  const std::string head = buffer_.substr(0, end + 4);
+  buffer_.erase(0, end + 4);
+  auto parsed = parse_head(head);
+  return parsed;
+}
+
+std::variant<std::string, BodyError> Connection::read_body(const HttpHead& head, std::size_t max_bytes) {
+  if (head.framing == BodyFraming::kNone) return std::string();
+  if (head.framing == BodyFraming::kLength && head.content_length > max_bytes) return large_body(max_bytes);
+  const std::size_t most = head.framing == BodyFraming::kLength ? head.content_length : max_bytes;
+  body_deadline_ = Clock::now() + limits_.stall +
+                   std::chrono::milliseconds(std::int64_t(1000.0 * double(most) / limits_.min_bytes_per_s));
+  if (head.find("expect").value_or("") == "100-continue" && buffer_.empty() &&
+      !write("HTTP/1.1 100 Continue\r\n\r\n"))
+    return BodyError{};
+  return head.framing == BodyFraming::kLength ? read_counted(head.content_length) : read_chunked(max_bytes);
+}
+
+std::variant<std::string, BodyError> Connection::read_counted(std::size_t bytes) {
+  std::string body = buffer_.substr(0, bytes);
+  buffer_.erase(0, body.size());
+  std::size_t filled = body.size();
+  // Memory follows what has arrived, not what was announced; straight into its place, without a copy.
+  while (filled < bytes) {
+    const Clock::time_point until = std::min(body_deadline_, Clock::now() + limits_.stall);
+    if (!wait_for(socket_, POLLIN, until)) return broken_body(until);
+    const std::size_t room = std::min(bytes - filled, std::max<std::size_t>(kReceiveBytes, filled));
+    if (body.size() < filled + room) body.resize(filled + room);
+    const ssize_t n = ::recv(socket_, body.data() + filled, room, 0);
+    if (n <= 0) return broken_body(Clock::time_point::max());
+    filled += std::size_t(n);
+  }
+  return body;
+}
+
+bool Connection::take(std::size_t bytes, std::string& into) {
+  while (bytes > 0) {
+    if (buffer_.empty() && !receive(std::min(body_deadline_, Clock::now() + limits_.stall))) return false;
+    const std::size_t n = std::min(bytes, buffer_.size());
+    into.append(buffer_, 0, n);
+    buffer_.erase(0, n);
+    bytes -= n;
+  }
+  return true;
+}
+
+std::optional<std::string> Connection::read_line(std::size_t max_bytes) {
+  std::size_t end = buffer_.find("\r\n");
+  while (end == buffer_.npos) {
+    if (buffer_.size() > max_bytes || !receive(std::min(body_deadline_, Clock::now() + limits_.stall)))
+      return std::nullopt;
+    end = buffer_.find("\r\n");
+  }
+  if (end > max_bytes) return std::nullopt;
+  std::string line = buffer_.substr(0, end);
+  buffer_.erase(0, end + 2);
+  return line;
+}
+
+std::variant<std::string, BodyError> Connection::read_chunked(std::size_t max_bytes) {
+  std::string body;
+  const BodyError malformed = invalid_body("malformed chunked body");
+  while (true) {
+    const auto line = read_line(kMaxChunkLine);
+    if (!line) return malformed;
+    const std::string_view digits = std::string_view(*line).substr(0, line->find(';'));
+    std::size_t size = 0;
+    // from_chars takes no sign and no prefix here; 15 digits cannot overflow.
+    const auto parsed = std::from_chars(digits.data(), digits.data() + digits.size(), size, 16);
+    if (digits.empty() || digits.size() > 15 || digits[0] == '-' ||
+        parsed.ptr != digits.data() + digits.size())
+      return malformed;
+    if (size == 0) break;
+    if (size > max_bytes - body.size()) return large_body(max_bytes);
+    std::string end;
+    if (!take(size, body) || !take(2, end)) return broken_body(body_deadline_);
+    if (end != "\r\n") return malformed;
+  }
+  // Trailer fields are read and dropped.
+  for (std::size_t i = 0; i < kMaxHeaders; ++i) {
+    const auto line = read_line(kMaxChunkLine);
+    if (!line) break;
+    if (line->empty()) return body;
+  }
+  return malformed;
+}
+
+bool Connection::write(std::string_view bytes) {
+  const Clock::time_point until =
+      Clock::now() + limits_.stall +
+      std::chrono::milliseconds(std::int64_t(1000.0 * double(bytes.size()) / limits_.min_bytes_per_s));
+  while (!bytes.empty()) {
+    if (!wait_for(socket_, POLLOUT, std::min(until, Clock::now() + limits_.stall))) return false;
+    const ssize_t n = ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (n < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+    if (n <= 0) return false;
+    bytes.remove_prefix(std::size_t(n));
+  }
+  return true;
+}
+
+void Connection::close_gently() {
+  constexpr std::chrono::milliseconds kDrain{500};
+  ::shutdown(socket_, SHUT_WR);
+  const Clock::time_point until = Clock::now() + kDrain;
+  while (Clock::now() < until) {
+    buffer_.clear();
+    if (!receive(until)) break;
+  }
+}
+
+}  // namespace gridcast::server

@@ -1,0 +1,152 @@
+#include "server/exchange.h"
+
+#include <algorithm>
+#include <cctype>
+#include <exception>
+#include <utility>
+
+#include "proto/media_type.h"
+#include "server/log.h"
+#include "server/problem.h"
+#include "server/url.h"
+
+namespace gridcast::server {
+namespace {
+
+using proto::Problem;
+using proto::ProblemCode;
+
+/// The client's X-Request-Id when it is a short plain token, else one of ours.
+std::string request_id_of(const HttpHead& head) {
+  static std::atomic<std::uint64_t> counter{0};
+  const std::string given = head.find("x-request-id").value_or("");
+  const bool plain =
+      !given.empty() && given.size() <= 64 && std::all_of(given.begin(), given.end(), [](char c) {
+        return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.';
+      });
+  return plain ? given : std::string("r").append(std::to_string(++counter));
+}
+
+}  // namespace
+
+HttpResponse Exchange::run() {
+  ++shared_.in_flight;
+  record_.method = head_.method;
+  record_.request_id = request_id_of(head_);
+  HttpResponse response;
+  try {
+    response = answer();
+  } catch (const std::bad_alloc&) {
+    response = problem_response({ProblemCode::kOverloaded, "not enough memory for this request", ""});
+  } catch (const std::exception& error) {
+    // The text of an exception stays here: it may name files or hold the client's bytes.
+    log_error(error.what());
+    response = problem_response({ProblemCode::kInternal, "an unexpected error; see the server's log", ""});
+  }
+  shared_.body_bytes_in_flight -= reserved_bytes_;
+  response.with("X-Request-Id", record_.request_id);
+  response.with("X-Content-Type-Options", "nosniff");
+  if (const auto trace = head_.find("traceparent"); trace && trace->size() <= 128)
+    response.with("traceparent", *trace);
+  record_.status = response.status;
+  record_.bytes_out = response.body.size();
+  record_.ms = ms_between(started_, Clock::now());
+  --shared_.in_flight;
+  return response;
+}
+
+HttpResponse Exchange::answer() {
+  HttpRequest request;
+  const Route* route = nullptr;
+  std::optional<Problem> problem = prepare(request, route);
+  if (!problem) problem = read_body(*route, request);
+  if (!problem) return handle(*route, request);
+  // An unread body would be taken for the next request.
+  if (head_.framing == BodyFraming::kChunked || head_.content_length != 0) must_close_ = true;
+  HttpResponse response = problem_response(*problem);
+  if (problem->code == ProblemCode::kMethodNotAllowed) response.with("Allow", allowed_);
+  return response;
+}
+
+std::optional<Problem> Exchange::prepare(HttpRequest& request, const Route*& route) {
+  const std::size_t mark = head_.target.find('?');
+  request.method = head_.method;
+  request.path = head_.target.substr(0, mark);
+  request.request_id = record_.request_id;
+  for (const auto& [name, value] : head_.headers) {
+    std::string& joined = request.headers[name];
+    joined = joined.empty() ? value : joined + ", " + value;
+  }
+  Router::Match match = shared_.router.match(request.method, request.path);
+  route = match.route;
+  allowed_ = match.allowed;
+  if (route == nullptr && match.allowed.empty())
+    return Problem{ProblemCode::kNotFound, "there is nothing at this path", ""};
+  if (route == nullptr)
+    return Problem{ProblemCode::kMethodNotAllowed, "this path does not take the method; it takes " + allowed_,
+                   ""};
+  record_.route = route->pattern;
+  request.captures = std::move(match.captures);
+  if (mark != std::string::npos) {
+    auto query = parse_query(std::string_view(head_.target).substr(mark + 1));
+    if (!query) return Problem{ProblemCode::kInvalidRequest, "malformed escape in the query string", "?"};
+    request.query = std::move(*query);
+  }
+  return std::nullopt;
+}
+
+std::variant<std::size_t, Problem> Exchange::body_limit(const Route& route) const {
+  // Decompression is where small bodies become large: nothing encoded is taken.
+  const std::string encoding = head_.find("content-encoding").value_or("identity");
+  if (encoding != "identity")
+    return Problem{ProblemCode::kUnsupportedEncoding, "only Content-Encoding: identity is taken",
+                   "Content-Encoding"};
+  if (route.accepts.empty()) return Problem{ProblemCode::kInvalidRequest, "this request takes no body", ""};
+  const auto type = proto::parse_media_type(head_.find("content-type").value_or(""));
+  if (type) {
+    for (const AcceptedBody& accepted : route.accepts)
+      if (accepted.media_type == type->essence) return accepted.max_bytes;
+  }
+  std::string known;
+  for (const AcceptedBody& accepted : route.accepts)
+    known.append(known.empty() ? "" : ", ").append(accepted.media_type);
+  return Problem{ProblemCode::kUnsupportedMediaType, "Content-Type must be one of: " + known, "Content-Type"};
+}
+
+std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& request) {
+  const bool has_body = head_.framing == BodyFraming::kChunked || head_.content_length != 0;
+  const bool may_have_none = route.accepts.empty() || request.method == "DELETE";
+  if (!has_body && may_have_none) return std::nullopt;
+  if (head_.framing == BodyFraming::kNone)
+    return Problem{ProblemCode::kLengthRequired, "Content-Length or chunked coding is required",
+                   "Content-Length"};
+  auto limit = body_limit(route);
+  if (auto* problem = std::get_if<Problem>(&limit)) return std::move(*problem);
+  const std::size_t max_bytes = std::get<std::size_t>(limit);
+  const std::size_t wanted = head_.framing == BodyFraming::kLength
+                                 ? std::min<std::size_t>(head_.content_length, max_bytes)
+                                 : max_bytes;
+  reserved_bytes_ = wanted;
+  if ((shared_.body_bytes_in_flight += wanted) > shared_.options.max_body_bytes_in_flight && wanted > 65'536)
+    return Problem{ProblemCode::kOverloaded, "too many large bodies at once", ""};
+  const Clock::time_point before = Clock::now();
+  auto body = connection_.read_body(head_, max_bytes);
+  transfer_ = Clock::now() - before;
+  if (auto* error = std::get_if<BodyError>(&body)) {
+    client_gone_ = !error->problem;
+    return error->problem.value_or(cancelled_problem(CancelReason::kDisconnected));
+  }
+  request.body = std::move(std::get<std::string>(body));
+  record_.bytes_in = request.body.size();
+  return std::nullopt;
+}
+
+HttpResponse Exchange::handle(const Route& route, const HttpRequest& request) {
+  Cancellation cancellation(started_ + transfer_ + shared_.options.deadline);
+  const RequestWatch::Guard guard(shared_.watch, connection_.socket(), cancellation);
+  HttpResponse response = route.handler(request, cancellation);
+  client_gone_ = cancellation.reason() == CancelReason::kDisconnected;
+  return response;
+}
+
+}  // namespace gridcast::server

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <variant>
+
+#include "proto/error_table.h"
+#include "server/connection.h"
+#include "server/http_server.h"
+#include "server/request_watch.h"
+#include "server/router.h"
+
+namespace gridcast::server {
+
+/// What all requests of a server share.
+struct ExchangeShared {
+  const Router& router;
+  const HttpServerOptions& options;
+  RequestWatch& watch;
+  std::atomic<std::size_t>& body_bytes_in_flight;
+  std::atomic<std::size_t>& in_flight;
+};
+
+/// One request and its answer: checks before the body, the body, the route's handler.
+class Exchange {
+ public:
+  Exchange(ExchangeShared shared, Connection& connection, const HttpHead& head, Clock::time_point started)
+      : shared_(shared), connection_(connection), head_(head), started_(started) {}
+
+  /// Never throws; what goes wrong becomes a problem.
+  [[nodiscard]] HttpResponse run();
+
+  [[nodiscard]] const RequestRecord& record() const { return record_; }
+  /// After run(): true when the body was not read whole, so the connection cannot be used again.
+  [[nodiscard]] bool must_close() const { return must_close_; }
+  /// After run(): the client is gone, there is no one to answer.
+  [[nodiscard]] bool client_gone() const { return client_gone_; }
+
+ private:
+  [[nodiscard]] HttpResponse answer();
+  [[nodiscard]] std::optional<proto::Problem> prepare(HttpRequest& request, const Route*& route);
+  [[nodiscard]] std::variant<std::size_t, proto::Problem> body_limit(const Route& route) const;
+  [[nodiscard]] std::optional<proto::Problem> read_body(const Route& route, HttpRequest& request);
+  [[nodiscard]] HttpResponse handle(const Route& route, const HttpRequest& request);
+
+  ExchangeShared shared_;
+  Connection& connection_;
+  const HttpHead& head_;
+  Clock::time_point started_;
+  Clock::duration transfer_{};  ///< spent on reading the body, which has its own deadline
+  RequestRecord record_;
+  std::string allowed_;
+  std::size_t reserved_bytes_ = 0;
+  bool must_close_ = false;
+  bool client_gone_ = false;
+};
+
+}  // namespace gridcast::server

@@ -1,0 +1,227 @@
+// The one file that knows cpp-httplib. Debian's 0.11.4 has known weaknesses in reading requests (unbounded
+// lines and header counts, decompression, ranges, chunk sizes): here it accepts connections and writes
+// answers, and everything it reads was read, checked and rewritten by Connection before.
+
+#include "server/http_server.h"
+
+#include <utility>
+
+#include <httplib.h>
+#include <sys/socket.h>
+
+#include "server/exchange.h"
+#include "server/problem.h"
+#include "server/worker_pool.h"
+
+namespace gridcast::server {
+namespace {
+
+/// What the library reads: a head that was checked and reduced to what it needs. What it writes goes out.
+class GuardStream final : public httplib::Stream {
+ public:
+  GuardStream(Connection& connection, std::string head) : connection_(connection), head_(std::move(head)) {}
+
+  [[nodiscard]] bool is_readable() const override { return at_ < head_.size(); }
+  [[nodiscard]] bool is_writable() const override { return !failed_; }
+  ssize_t read(char* to, std::size_t size) override {
+    const std::size_t n = std::min(size, head_.size() - at_);
+    head_.copy(to, n, at_);
+    at_ += n;
+    return ssize_t(n);
+  }
+  ssize_t write(const char* from, std::size_t size) override {
+    failed_ = failed_ || !connection_.write({from, size});
+    return failed_ ? -1 : ssize_t(size);
+  }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+  // The library compares this with FD_SETSIZE for its select(), which is not used here.
+  [[nodiscard]] socket_t socket() const override { return INVALID_SOCKET; }
+  [[nodiscard]] bool failed() const { return failed_; }
+
+ private:
+  Connection& connection_;
+  std::string head_;
+  std::size_t at_ = 0;
+  bool failed_ = false;
+};
+
+// The library hands no context from a connection to a request; both run on the same thread.
+thread_local Exchange* current_exchange = nullptr;
+thread_local bool must_close_after = false;
+thread_local bool refused = false;                ///< this connection came when all was full
+thread_local Clock::time_point accepted_at = {};  ///< when this connection entered the queue
+
+/// Hands connections to a WorkerPool; a full one answers 503 from the accepting thread.
+class BoundedTasks final : public httplib::TaskQueue {
+ public:
+  explicit BoundedTasks(const HttpServerOptions& options)
+      : pool_(options.connection_threads, options.max_queued_connections) {}
+
+  void enqueue(std::function<void()> serve) override {
+    std::function<void()> task = [serve, now = Clock::now()] {
+      accepted_at = now;
+      serve();
+    };
+    if (pool_.try_enqueue(task)) return;
+    refused = true;
+    serve();
+    refused = false;
+  }
+  void shutdown() override { pool_.shut_down(); }
+
+ private:
+  WorkerPool pool_;
+};
+
+/// A whole answer for connections that the library never sees.
+std::string plain_answer(const proto::Problem& problem) {
+  const HttpResponse response = problem_response(problem);
+  std::string text = "HTTP/1.1 " + std::to_string(response.status) + " " +
+                     std::string(proto::describe(problem.code).title) + "\r\n";
+  for (const auto& [name, value] : response.headers) text += name + ": " + value + "\r\n";
+  return text + "Content-Type: " + response.content_type +
+         "\r\nContent-Length: " + std::to_string(response.body.size()) + "\r\nConnection: close\r\n\r\n" +
+         response.body;
+}
+
+}  // namespace
+
+class HttpServer::Edge final : public httplib::Server {
+ public:
+  Edge(Router router, HttpServerOptions options, RequestObserver observer)
+      : router_(std::move(router)), options_(std::move(options)), observer_(std::move(observer)) {
+    new_task_queue = [this] { return new BoundedTasks(options_); };
+    // Without SO_REUSEPORT, which the library sets by default and which lets two servers share a port unseen.
+    set_socket_options([](socket_t sock) {
+      const int yes = 1;
+      ::setsockopt(sock, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    });
+    set_tcp_nodelay(true);
+    set_keep_alive_timeout(options_.connection.keep_alive.count() / 1000);
+    set_pre_routing_handler([](const httplib::Request&, httplib::Response& response) {
+      fill(response);
+      return HandlerResponse::Handled;
+    });
+  }
+
+  Result<int> bind() {
+    const int port = options_.port == 0 ? bind_to_any_port(options_.host)
+                                        : (bind_to_port(options_.host, options_.port) ? options_.port : -1);
+    if (port <= 0)
+      return Error{ErrorCode::kIo, "cannot listen on " + options_.host + ":" + std::to_string(options_.port),
+                   ""};
+    // The library listens with a backlog of 5: too short for a burst of clients.
+    ::listen(svr_sock_, 256);
+    return port;
+  }
+
+  void stop_serving() {
+    if (stopping_.exchange(true)) return;
+    stop();
+    drain_ = std::thread([this] {
+      const Clock::time_point until = Clock::now() + options_.drain;
+      while (in_flight_ > 0 && Clock::now() < until)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      watch_.shut_down();
+    });
+  }
+
+  void join_drain() {
+    if (drain_.joinable()) drain_.join();
+  }
+
+  [[nodiscard]] std::size_t in_flight() const { return in_flight_; }
+
+ private:
+  /// Called by the library for a request whose head it has just read from a GuardStream.
+  static void fill(httplib::Response& response) {
+    HttpResponse answer = current_exchange->run();
+    response.status = answer.status;
+    if (!answer.content_type.empty()) response.set_header("Content-Type", answer.content_type);
+    for (const auto& [name, value] : answer.headers) response.set_header(name, value);
+    response.body = std::move(answer.body);
+    if (current_exchange->must_close()) must_close_after = true;
+    if (must_close_after) response.set_header("Connection", "close");
+  }
+
+  bool process_and_close_socket(socket_t sock) override {
+    Connection connection(sock, options_.connection, [this] { return stopping_.load(); });
+    if (refused) {
+      (void)connection.write(plain_answer({proto::ProblemCode::kOverloaded, "too many connections", ""}));
+    } else {
+      serve_connection(connection);
+    }
+    ::shutdown(sock, SHUT_RDWR);
+    ::close(sock);
+    return true;
+  }
+
+  void serve_connection(Connection& connection) {
+    Clock::time_point queued_at = accepted_at;
+    while (auto head = connection.read_head()) {
+      if (const auto* error = std::get_if<HeadError>(&*head)) {
+        const proto::Problem problem{error->code, error->detail, ""};
+        observer_({"", "", problem.status(), 0.0, 0, 0, ""});
+        (void)connection.write(plain_answer(problem));
+        connection.close_gently();
+        return;
+      }
+      // A first request's clock starts in the queue, a later one's with its first byte.
+      const Clock::time_point started = std::min(queued_at, connection.head_started());
+      queued_at = Clock::time_point::max();
+      if (!serve_request(connection, std::get<HttpHead>(*head), started)) return;
+    }
+  }
+
+  /// False when the connection is of no more use.
+  bool serve_request(Connection& connection, const HttpHead& head, Clock::time_point started) {
+    Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_}, connection, head, started);
+    current_exchange = &exchange;
+    must_close_after = head.wants_close() || stopping_;
+    // Only what the library needs to answer: no Range, Expect, Accept-Encoding, Content-* or chunked coding.
+    GuardStream stream(connection, head.method + " / HTTP/1.1\r\n\r\n");
+    bool closed = false;
+    process_request(stream, must_close_after, closed, nullptr);
+    current_exchange = nullptr;
+    observer_(exchange.record());
+    if (exchange.must_close()) connection.close_gently();
+    return !(must_close_after || stream.failed() || exchange.client_gone());
+  }
+
+  Router router_;
+  HttpServerOptions options_;
+  RequestObserver observer_;
+  RequestWatch watch_;
+  std::atomic<std::size_t> body_bytes_{0};
+  std::atomic<std::size_t> in_flight_{0};
+  std::atomic<bool> stopping_{false};
+  std::thread drain_;
+};
+
+HttpServer::HttpServer(Router router, HttpServerOptions options, RequestObserver observer)
+    : edge_(std::make_unique<Edge>(std::move(router), std::move(options), std::move(observer))) {}
+
+HttpServer::~HttpServer() {
+  stop();
+  edge_->join_drain();
+}
+
+Result<int> HttpServer::bind() {
+  return edge_->bind();
+}
+
+void HttpServer::serve() {
+  edge_->listen_after_bind();
+  edge_->join_drain();
+}
+
+void HttpServer::stop() {
+  edge_->stop_serving();
+}
+
+std::size_t HttpServer::requests_in_flight() const {
+  return edge_->in_flight();
+}
+
+}  // namespace gridcast::server

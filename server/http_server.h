@@ -1,0 +1,62 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "core/error.h"
+#include "server/connection.h"
+#include "server/http_types.h"
+#include "server/router.h"
+
+namespace gridcast::server {
+
+struct HttpServerOptions {
+  std::string host = "127.0.0.1";
+  int port = 8080;                           ///< 0: any free one
+  std::size_t connection_threads = 64;       ///< connections served at once
+  std::size_t max_queued_connections = 256;  ///< beyond: 503 at once
+  /// Bodies held in memory at once, all requests together; beyond: 503.
+  std::size_t max_body_bytes_in_flight = std::size_t(2) << 30;
+  std::chrono::milliseconds deadline{30'000};  ///< of a request's work, the wait in the queue included
+  std::chrono::milliseconds drain{5'000};  ///< how long stop() lets requests finish before cancelling them
+  ConnectionLimits connection;
+};
+
+/// One answered request, for logs and metrics. No text of the client's but the method.
+struct RequestRecord {
+  std::string method;
+  std::string route;  ///< the pattern; empty when none matched
+  int status = 0;
+  double ms = 0.0;
+  std::size_t bytes_in = 0;
+  std::size_t bytes_out = 0;
+  std::string request_id;
+};
+using RequestObserver = std::function<void(const RequestRecord&)>;
+
+/// The edge: sockets and HTTP in front of a Router. What a request may cost (head, body, time, connections)
+/// is bounded here, before any route sees it.
+class HttpServer {
+ public:
+  HttpServer(Router router, HttpServerOptions options, RequestObserver observer);
+  ~HttpServer();
+  HttpServer(const HttpServer&) = delete;
+  HttpServer& operator=(const HttpServer&) = delete;
+
+  /// Binds and listens; the port in use. kIo when the address cannot be had.
+  [[nodiscard]] Result<int> bind();
+  /// Serves until stop(); then returns when every request has been answered or cancelled.
+  void serve();
+  /// From any thread: no new connections; requests at work get options.drain to finish.
+  void stop();
+
+  [[nodiscard]] std::size_t requests_in_flight() const;
+
+ private:
+  class Edge;
+  std::unique_ptr<Edge> edge_;
+};
+
+}  // namespace gridcast::server

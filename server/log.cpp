@@ -1,0 +1,77 @@
+#include "server/log.h"
+
+#include <cstdio>
+#include <memory>
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+namespace gridcast::server {
+namespace {
+
+LogFormat format_in_use = LogFormat::kText;
+
+void write(spdlog::level::level_enum level, std::string_view text) {
+  if (format_in_use == LogFormat::kJson)
+    spdlog::log(level, "\"message\": \"{}\"", escaped(text));
+  else
+    spdlog::log(level, "{}", escaped(text));
+}
+
+}  // namespace
+
+void start_log(std::string_view level, LogFormat format) {
+  format_in_use = format;
+  auto logger =
+      std::make_shared<spdlog::logger>("gridcast", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  logger->set_pattern(format == LogFormat::kJson ? R"({"time": "%Y-%m-%dT%H:%M:%S.%eZ", "level": "%l", %v})"
+                                                 : "%Y-%m-%dT%H:%M:%S.%eZ %l %v",
+                      spdlog::pattern_time_type::utc);
+  logger->set_level(spdlog::level::from_str(std::string(level)));
+  spdlog::set_default_logger(std::move(logger));
+}
+
+void log_request(const RequestRecord& record) {
+  const auto level = record.status >= 500 ? spdlog::level::warn : spdlog::level::info;
+  const std::string_view route = record.route.empty() ? "-" : record.route;
+  const std::string_view method = record.method.empty() ? "-" : record.method;
+  if (format_in_use == LogFormat::kJson)
+    spdlog::log(level,
+                "\"method\": \"{}\", \"route\": \"{}\", \"status\": {}, \"ms\": {:.3f}, \"bytes_in\": {}, "
+                "\"bytes_out\": {}, \"request_id\": \"{}\"",
+                method, route, record.status, record.ms, record.bytes_in, record.bytes_out,
+                record.request_id);
+  else
+    spdlog::log(level, "{} {} {} {:.3f} ms in {} out {} id {}", method, route, record.status, record.ms,
+                record.bytes_in, record.bytes_out, record.request_id);
+}
+
+void log_info(std::string_view text) {
+  write(spdlog::level::info, text);
+}
+void log_warning(std::string_view text) {
+  write(spdlog::level::warn, text);
+}
+void log_error(std::string_view text) {
+  write(spdlog::level::err, text);
+}
+
+std::string escaped(std::string_view text) {
+  std::string result;
+  result.reserve(text.size());
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (c == '"' || c == '\\') {
+      result.append({'\\', c});
+    } else if (byte < 0x20 || byte >= 0x7f) {
+      char code[8];
+      std::snprintf(code, sizeof(code), "\\u%04x", unsigned(byte));
+      result += code;
+    } else {
+      result += c;
+    }
+  }
+  return result;
+}
+
+}  // namespace gridcast::server

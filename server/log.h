@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "core/error.h"
+#include "server/http_server.h"
+
+namespace gridcast::server {
+
+enum class LogFormat { kText, kJson };
+
+/// Once, before any other call. `level` is one of debug, info, warning, error, off. Writes to stderr.
+void start_log(std::string_view level, LogFormat format);
+
+/// One line for one answered request.
+void log_request(const RequestRecord& record);
+void log_info(std::string_view text);
+void log_warning(std::string_view text);
+void log_error(std::string_view text);
+
+/// Quotes, backslashes, controls and bytes outside ASCII as escapes: a client cannot forge a line.
+[[nodiscard]] std::string escaped(std::string_view text);
+
+}  // namespace gridcast::server

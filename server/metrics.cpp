@@ -1,0 +1,104 @@
+#include "server/metrics.h"
+
+#include <sstream>
+
+#include <prometheus/counter.h>
+#include <prometheus/gauge.h>
+#include <prometheus/histogram.h>
+#include <prometheus/registry.h>
+#include <prometheus/text_serializer.h>
+
+namespace gridcast::server {
+namespace {
+
+// From a health probe to the default deadline of 30 s, about three steps a decade.
+const prometheus::Histogram::BucketBoundaries kSeconds{0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1,
+                                                       0.2,    0.5,   1.0,   2.0,   5.0,  10.0, 30.0};
+
+prometheus::Family<prometheus::Gauge>& gauge(prometheus::Registry& registry, const char* name,
+                                             const char* help) {
+  return prometheus::BuildGauge().Name(name).Help(help).Register(registry);
+}
+prometheus::Family<prometheus::Counter>& counter(prometheus::Registry& registry, const char* name,
+                                                 const char* help) {
+  return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
+}
+
+}  // namespace
+
+struct Metrics::Families {
+  prometheus::Registry registry;
+  prometheus::Family<prometheus::Counter>& requests =
+      counter(registry, "gridcast_http_requests_total", "Requests answered, by route and status");
+  prometheus::Family<prometheus::Histogram>& seconds =
+      prometheus::BuildHistogram()
+          .Name("gridcast_http_request_duration_seconds")
+          .Help("From a request's first byte to its answer, by route")
+          .Register(registry);
+  prometheus::Counter& rays = counter(registry, "gridcast_rays_total", "Rays traced for clients").Add({});
+  prometheus::Counter& trace_seconds =
+      counter(registry, "gridcast_trace_seconds_total", "Time spent tracing them").Add({});
+  prometheus::Counter& pixels = counter(registry, "gridcast_pixels_total", "Pixels rendered").Add({});
+  prometheus::Family<prometheus::Counter>& updates =
+      counter(registry, "gridcast_mesh_updates_total", "Meshes whose vertices changed, by action");
+  prometheus::Counter& refits = updates.Add({{"action", "refit"}});
+  prometheus::Counter& rebuilds = updates.Add({{"action", "rebuild"}});
+  prometheus::Gauge& in_flight =
+      gauge(registry, "gridcast_requests_in_flight", "Requests being worked on, this one included").Add({});
+  prometheus::Gauge& scenes = gauge(registry, "gridcast_scenes", "Scenes held").Add({});
+  prometheus::Gauge& instances = gauge(registry, "gridcast_instances", "Live instances, all scenes").Add({});
+  prometheus::Gauge& triangles =
+      gauge(registry, "gridcast_triangles", "Triangles of the meshes stored, all scenes").Add({});
+  prometheus::Gauge& memory =
+      gauge(registry, "gridcast_scene_memory_bytes", "Estimate of what the scenes hold").Add({});
+};
+
+Metrics::Metrics() : families_(std::make_unique<Families>()) {}
+Metrics::~Metrics() = default;
+
+void Metrics::count_request(const RequestRecord& record) {
+  const std::string route = record.route.empty() ? "none" : record.route;
+  families_->requests
+      .Add({{"method", record.method.empty() ? "none" : record.method},
+            {"route", route},
+            {"status", std::to_string(record.status)}})
+      .Increment();
+  families_->seconds.Add({{"route", route}}, kSeconds).Observe(record.ms / 1000.0);
+}
+
+void Metrics::count_rays(std::size_t rays, double trace_ms) {
+  families_->rays.Increment(double(rays));
+  families_->trace_seconds.Increment(trace_ms / 1000.0);
+}
+
+void Metrics::count_pixels(std::size_t pixels) {
+  families_->pixels.Increment(double(pixels));
+}
+
+void Metrics::count_update(const scene::UpdateReport& report) {
+  for (const scene::MeshUpdateReport& mesh : report.meshes)
+    (mesh.action == scene::MeshAction::kRefit ? families_->refits : families_->rebuilds).Increment();
+}
+
+std::string Metrics::text(const SceneStore& store, std::size_t requests_in_flight) {
+  const auto scenes = store.list();
+  double instances = 0;
+  double triangles = 0;
+  double memory = 0;
+  for (const auto& named : scenes) {
+    const auto scene = named->snapshot();
+    instances += double(scene->instance_count());
+    triangles += double(scene->stored_triangle_count());
+    memory += double(scene->memory_bytes());
+  }
+  families_->scenes.Set(double(scenes.size()));
+  families_->instances.Set(instances);
+  families_->triangles.Set(triangles);
+  families_->memory.Set(memory);
+  families_->in_flight.Set(double(requests_in_flight));
+  std::ostringstream out;
+  prometheus::TextSerializer().Serialize(out, families_->registry.Collect());
+  return out.str();
+}
+
+}  // namespace gridcast::server

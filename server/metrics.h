@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "core/scene/update.h"
+#include "server/http_server.h"
+#include "server/scene_store.h"
+
+namespace gridcast::server {
+
+/// What GET /metrics shows, in Prometheus' text format. Labels are route patterns and enumerators, never
+/// text of a client's.
+class Metrics {
+ public:
+  Metrics();
+  ~Metrics();
+  Metrics(const Metrics&) = delete;
+  Metrics& operator=(const Metrics&) = delete;
+
+  void count_request(const RequestRecord& record);
+  void count_rays(std::size_t rays, double trace_ms);
+  void count_pixels(std::size_t pixels);
+  void count_update(const scene::UpdateReport& report);
+
+  /// Gauges are read from the store now.
+  [[nodiscard]] std::string text(const SceneStore& store, std::size_t requests_in_flight);
+
+ private:
+  struct Families;
+  std::unique_ptr<Families> families_;
+};
+
+}  // namespace gridcast::server

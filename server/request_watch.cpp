@@ -1,0 +1,68 @@
+#include "server/request_watch.h"
+
+#include <cerrno>
+
+#include <sys/socket.h>
+
+namespace gridcast::server {
+namespace {
+
+bool hung_up(int socket) {
+  char byte = 0;
+  const ssize_t n = ::recv(socket, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
+  return n == 0 || (n < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+}
+
+}  // namespace
+
+RequestWatch::RequestWatch() : thread_([this] { run(); }) {}
+
+RequestWatch::~RequestWatch() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+RequestWatch::Guard::Guard(RequestWatch& watch, int socket, Cancellation& target) : watch_(watch) {
+  const std::lock_guard lock(watch_.mutex_);
+  if (watch_.shut_down_) target.cancel(CancelReason::kShutdown);
+  watch_.requests_.push_front({socket, &target});
+  entry_ = watch_.requests_.begin();
+  watch_.changed_.notify_all();
+}
+
+RequestWatch::Guard::~Guard() {
+  const std::lock_guard lock(watch_.mutex_);
+  watch_.requests_.erase(entry_);
+}
+
+void RequestWatch::shut_down() {
+  const std::lock_guard lock(mutex_);
+  shut_down_ = true;
+  for (WatchedRequest& request : requests_) request.target->cancel(CancelReason::kShutdown);
+}
+
+void RequestWatch::run() {
+  std::unique_lock lock(mutex_);
+  while (!ending_) {
+    if (requests_.empty())
+      changed_.wait(lock, [this] { return ending_ || !requests_.empty(); });
+    else if (!changed_.wait_for(lock, kPeriod, [this] { return ending_; }))
+      look();
+  }
+}
+
+void RequestWatch::look() {
+  const Clock::time_point now = Clock::now();
+  for (WatchedRequest& request : requests_) {
+    if (now >= request.target->deadline())
+      request.target->cancel(CancelReason::kDeadline);
+    else if (request.target->reason() == CancelReason::kNone && hung_up(request.socket))
+      request.target->cancel(CancelReason::kDisconnected);
+  }
+}
+
+}  // namespace gridcast::server

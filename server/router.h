@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "server/http_types.h"
+
+namespace gridcast::server {
+
+/// A kind of body that a route takes, and its size limit.
+struct AcceptedBody {
+  std::string media_type;  ///< essence in lower case
+  std::size_t max_bytes = 0;
+};
+
+using Handler = std::function<HttpResponse(const HttpRequest&, Cancellation&)>;
+
+struct Route {
+  std::string method;                 ///< GET also answers HEAD
+  std::string pattern;                ///< "/v1/scenes/{s}": a segment in braces captures
+  std::vector<AcceptedBody> accepts;  ///< none: the route takes no body
+  Handler handler;
+};
+
+/// Finds the route of a request. Patterns are few and short: a linear search is enough.
+class Router {
+ public:
+  void add(Route route);
+
+  struct Match {
+    const Route* route = nullptr;                 ///< null: nothing answers to this path and method
+    std::map<std::string, std::string> captures;  ///< decoded
+    std::string allowed;  ///< methods that the path knows ("GET, HEAD, POST"); empty for an unknown path
+  };
+  [[nodiscard]] Match match(std::string_view method, std::string_view path) const;
+
+ private:
+  struct Entry {
+    Route route;
+    std::vector<std::string> segments;
+  };
+  std::vector<Entry> entries_;
+};
+
+}  // namespace gridcast::server

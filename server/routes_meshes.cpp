@@ -1,0 +1,89 @@
+#include "proto/media_type.h"
+#include "proto/replies.h"
+#include "proto/vertex_request.h"
+#include "server/api.h"
+#include "server/describe.h"
+#include "server/problem.h"
+
+namespace gridcast::server {
+namespace {
+
+using proto::Problem;
+using proto::ProblemCode;
+
+/// The mesh of the path's {m}.
+std::variant<std::uint32_t, Problem> open_mesh(const scene::Scene& scene, const HttpRequest& request) {
+  const auto id = parse_id(request.capture("m"));
+  if (!id || *id >= scene.mesh_count())
+    return Problem{ProblemCode::kMeshNotFound, "there is no such mesh", ""};
+  return *id;
+}
+
+HttpResponse list_meshes(Api& api, const HttpRequest& request) {
+  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  auto opened = open_scene(api, request);
+  if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
+  const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
+  if (auto same = not_modified(request, scene.version())) return std::move(*same);
+  return versioned_json(to_json(mesh_infos(scene), scene.version()), scene.version());
+}
+
+HttpResponse get_mesh(Api& api, const HttpRequest& request) {
+  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  auto opened = open_scene(api, request);
+  if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
+  const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
+  auto mesh = open_mesh(scene, request);
+  if (auto* problem = std::get_if<Problem>(&mesh)) return problem_response(*problem);
+  if (auto same = not_modified(request, scene.version())) return std::move(*same);
+  const auto info = mesh_info(scene, std::get<std::uint32_t>(mesh), TopologyDetail::kCounted);
+  return versioned_json(to_json(info, scene.version()), scene.version());
+}
+
+HttpResponse patch_vertices(Api& api, const HttpRequest& request, Cancellation& cancellation) {
+  Timing timing;
+  auto opened = open_scene(api, request);
+  if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
+  OpenScene& open = std::get<OpenScene>(opened);
+  auto mesh = open_mesh(*open.scene, request);
+  if (auto* problem = std::get_if<Problem>(&mesh)) return problem_response(*problem);
+  auto parsed =
+      proto::parse_vertex_request(request.header("content-type"), request.body, request.query, api.limits);
+  if (!parsed) return problem_response(parsed.problem());
+  timing.mark("parse");
+  const auto permit = api.gate.enter(cancellation.token());
+  if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
+  timing.mark("wait");
+  scene::ReplaceVertices edit{std::get<std::uint32_t>(mesh), std::move(parsed->positions),
+                              std::move(parsed->vertex_ids),
+                              scene::parse_update_mode(parsed->update).value()};
+  auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, without_edit);
+  if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
+  timing.mark("update");
+  const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
+  const scene::MeshUpdateReport& report = updated.report.meshes.at(0);
+  const std::uint64_t version = updated.scene->version();
+  HttpResponse response =
+      versioned_json(to_json(proto::VertexReply{version, std::string(to_string(report.action)), report.reason,
+                                                report.cost_before, report.cost_after, report.ms}),
+                     version);
+  return response.with("Server-Timing", timing.header());
+}
+
+}  // namespace
+
+void add_mesh_routes(Router& router, Api& api) {
+  router.add({"GET", "/v1/scenes/{s}/meshes", {}, [&api](const HttpRequest& r, Cancellation&) {
+                return list_meshes(api, r);
+              }});
+  router.add({"GET", "/v1/scenes/{s}/meshes/{m}", {}, [&api](const HttpRequest& r, Cancellation&) {
+                return get_mesh(api, r);
+              }});
+  router.add({"PATCH",
+              "/v1/scenes/{s}/meshes/{m}/vertices",
+              {{std::string(proto::kJsonMediaType), api.limits.json_bytes},
+               {std::string(proto::kVerticesMediaType), api.limits.binary_bytes}},
+              [&api](const HttpRequest& r, Cancellation& c) { return patch_vertices(api, r, c); }});
+}
+
+}  // namespace gridcast::server

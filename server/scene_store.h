@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "core/scene/scene.h"
+#include "core/scene/update.h"
+#include "proto/error_table.h"
+
+namespace gridcast::server {
+
+/// What stays the same over a scene's life.
+struct SceneOrigin {
+  std::string structure = "auto";  ///< asked for at creation
+  double import_ms = 0.0;
+  double build_ms = 0.0;
+};
+
+/// A named scene: a pointer to its newest snapshot, and one writer at a time. Readers never wait for a
+/// writer's work: the pointer alone is guarded.
+class NamedScene {
+ public:
+  NamedScene(std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin)
+      : id_(std::move(id)), origin_(std::move(origin)), current_(std::move(first)) {}
+
+  [[nodiscard]] const std::string& id() const { return id_; }
+  [[nodiscard]] const SceneOrigin& origin() const { return origin_; }
+  [[nodiscard]] std::shared_ptr<const scene::Scene> snapshot() const;
+
+  /// Applies `edits` and publishes the new version, when `if_match` (an If-Match header, empty = none) names
+  /// the current one. On any problem nothing changed.
+  [[nodiscard]] std::variant<scene::UpdateResult, proto::Problem, Error> update(
+      std::string_view if_match, const std::vector<scene::SceneEdit>& edits);
+
+ private:
+  friend class SceneStore;
+  std::string id_;
+  SceneOrigin origin_;
+  std::mutex writing_;
+  mutable std::mutex pointer_;
+  std::shared_ptr<const scene::Scene> current_;
+};
+
+/// Nothing when If-Match allows a write to `version`.
+[[nodiscard]] std::optional<proto::Problem> check_if_match(std::string_view if_match, std::uint64_t version);
+
+/// All scenes of a server, by id.
+class SceneStore {
+ public:
+  explicit SceneStore(std::size_t max_scenes) : max_scenes_(max_scenes) {}
+
+  /// Letters, digits, '_', '.' and '-', 1 to 64 of them, not "." or "..".
+  [[nodiscard]] static bool is_valid_id(std::string_view id);
+
+  /// Nothing when a scene could be created under `id` now: for refusing before the work is done.
+  [[nodiscard]] std::optional<proto::Problem> check_new(std::string_view id) const;
+  /// An empty id gets the next free of s1, s2, ...
+  [[nodiscard]] std::variant<std::shared_ptr<NamedScene>, proto::Problem> create(
+      std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin);
+  [[nodiscard]] std::shared_ptr<NamedScene> find(std::string_view id) const;
+  /// In the order of their ids.
+  [[nodiscard]] std::vector<std::shared_ptr<NamedScene>> list() const;
+  /// Requests at work on the scene finish on it.
+  [[nodiscard]] std::optional<proto::Problem> erase(std::string_view id, std::string_view if_match);
+
+ private:
+  std::size_t max_scenes_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<NamedScene>, std::less<>> scenes_;
+  std::uint64_t next_id_ = 1;
+};
+
+}  // namespace gridcast::server
