@@ -3,36 +3,33 @@
 namespace gridcast::mesh {
 namespace {
 
-/// |x| at least `smallest`, keeping the sign of x (+ for +0 and -0 alike would do: the pad covers both).
-double away_from_zero(double x, double smallest) {
-  return std::abs(x) < smallest ? std::copysign(smallest, x) : x;
-}
-
 struct Interval {
   double enter, exit;
 };
 
-/// Where o + s * d crosses the box, in double and padded by `pad` on every side.
-Interval clip(const Vec3d& o, const Vec3d& d, const Bounds3f& box, double pad) {
+/// Where o + s / inverse crosses the box, in double and padded by `pad` on every side.
+Interval clip(const Vec3d& o, const Vec3d& inverse, const Bounds3f& box, double pad) {
   Interval s{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   for (int axis = 0; axis < 3; ++axis) {
-    // 2^-52: smaller components move the ray by less than the pad over the length of the box.
-    const double inverse = 1.0 / away_from_zero(d[axis], 0x1p-52);
-    const double a = (double(box.lower[axis]) - pad - o[axis]) * inverse;
-    const double b = (double(box.upper[axis]) + pad - o[axis]) * inverse;
+    const double a = (double(box.lower[axis]) - pad - o[axis]) * inverse[axis];
+    const double b = (double(box.upper[axis]) + pad - o[axis]) * inverse[axis];
     s.enter = std::max(s.enter, std::min(a, b));
     s.exit = std::min(s.exit, std::max(a, b));
   }
   return s;
 }
 
-void prepare_shear(ObjectRay& ray) {
+void choose_axes(ObjectRay& ray) {
   const Vec3d size = glm::abs(ray.direction);
   ray.kz = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
   ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
   ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
-  ray.shear_x = ray.direction[ray.kx] / ray.direction[ray.kz];
-  ray.shear_y = ray.direction[ray.ky] / ray.direction[ray.kz];
+}
+
+/// 1 / x, at most `largest` in size, with the sign of x (that of a zero does not matter: the pad covers
+/// both).
+double bounded_inverse(double x, double largest) {
+  return std::abs(x) * largest > 1.0 ? 1.0 / x : std::copysign(largest, x);
 }
 
 }  // namespace
@@ -44,17 +41,26 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
   tnear = ray.tnear;
   instance_id = 0;
   excluded_primitive = kInvalidId;
-  prepare_shear(*this);
+  choose_axes(*this);
+  const double inverse_z = 1.0 / direction[kz];
+  shear_x = direction[kx] * inverse_z;
+  shear_y = direction[ky] * inverse_z;
 
-  // Scale to a largest component of 1, clip to the mesh's box in double, and reject a miss early.
-  cull_scale = max_abs(direction);
-  const Vec3d d = direction / cull_scale;
+  // Scale to a largest component of 1 (within two roundings), clip to the mesh's box in double, and reject a
+  // miss early. Components below 2^-52 count as 2^-52, which moves the ray by less than the pad over the
+  // length of the box.
+  cull_scale = std::abs(direction[kz]);
+  const Vec3d d = direction * std::abs(inverse_z);
+  Vec3d inverse;
+  inverse[kx] = bounded_inverse(d[kx], 0x1p52);
+  inverse[ky] = bounded_inverse(d[ky], 0x1p52);
+  inverse[kz] = std::copysign(1.0, direction[kz]);
   const double box_size = double(bounds.magnitude());
   const double origin_size = max_abs(origin);
   distance = origin_size + box_size;
   side_error = 0x1p-45 * distance * distance;
   const double clip_pad = 0x1p-46 * distance + 0x1p-100;
-  const Interval s = clip(origin, d, bounds, clip_pad);
+  const Interval s = clip(origin, inverse, bounds, clip_pad);
   const double s_near = tnear * cull_scale;
   const double s_far = ray.tfar * cull_scale;
   // The slack covers the rounding of s itself, of tnear and tfar times scale, and the clamped components.
@@ -69,7 +75,7 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
   for (int axis = 0; axis < 3; ++axis) {
     cull_origin[axis] = float(o[axis]);
     cull_direction[axis] = float(d[axis]);
-    inverse_direction[axis] = float(1.0 / away_from_zero(d[axis], 0x1p-24));
+    inverse_direction[axis] = float(std::clamp(inverse[axis], -0x1p24, 0x1p24));
     const float offset = -(cull_origin[axis] * inverse_direction[axis]);
     const float margin = pad * std::abs(inverse_direction[axis]);
     near_offset[axis] = offset - margin;

@@ -32,8 +32,9 @@ Sides exact_sides(const ObjectRay& ray, const Vec3f& p0, const Vec3f& p1, const 
 }  // namespace
 
 // Rounding of an edge function. With unit roundoff r = 2^-53 and D = ray.distance >= |p - o| per axis, a
-// sheared coordinate (two subtractions, a product, a rounded shear of at most 1) is off by at most 6 r D < e
-// = 2^-50 D. The products then add at most 4 r m^2, with m the largest sheared coordinate, m <= 2 D. Together
+// sheared coordinate (two subtractions, a product, a shear of at most 1 off by 2 r) is off by at most 7 r D <
+// e = 2^-50 D. The products then add at most 4 r m^2, with m the largest sheared coordinate, m <= 2 D.
+// Together
 //   |error| <= 4 e m + 2 e^2 + 4 r m^2 < 8 e (m + e),
 // and with m <= 2 D that is below 2^-45 D^2 = ray.side_error.
 bool finish_robust(const ObjectRay& ray, const std::array<Vec3d, 3>& sheared, const Vec3f& p0,
