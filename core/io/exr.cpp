@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cstring>
 #include <exception>
+#include <set>
+#include <string>
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFloatAttribute.h>
@@ -80,8 +82,12 @@ std::vector<std::byte> write_to_memory(const render::Film& film) {
 Result<std::vector<std::byte>> encode_exr(const render::Film& film) {
   static_assert(sizeof(unsigned) == 4 && sizeof(float) == 4);
   if (film.layers.empty()) return Error{ErrorCode::kInvalidArgument, "the picture has no layer", ""};
-  for (const render::Layer& layer : film.layers)
+  std::set<std::string> names;
+  for (const render::Layer& layer : film.layers) {
     if (Status status = check_layer(film, layer); !status) return status.error();
+    if (names.insert(layer.name).second) continue;
+    return Error{ErrorCode::kInvalidArgument, "the picture has two layers named '" + layer.name + "'", ""};
+  }
   try {
     return write_to_memory(film);
   } catch (const std::exception& e) {

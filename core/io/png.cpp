@@ -32,7 +32,7 @@ float shoulder(float value) {
   constexpr float kKnee = 0.75F;
   if (!(value > kKnee)) return value;
   const float over = (value - kKnee) / (1.F - kKnee);
-  return kKnee + (1.F - kKnee) * (over / (1.F + over));
+  return 1.F - (1.F - kKnee) / (1.F + over);
 }
 
 Rgb color_pixel(const float* sample, float exposure) {

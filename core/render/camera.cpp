@@ -66,7 +66,7 @@ Result<scene::Camera> look_at(const Vec3d& eye, const Vec3d& target, const Vec3d
 
 scene::Camera frame(const Bounds3d& bounds, double yfov_rad, double aspect_ratio) {
   scene::Camera camera;
-  camera.yfov_rad = std::clamp(yfov_rad, 1e-3, 3.1);
+  camera.yfov_rad = yfov_rad > 0.0 && yfov_rad < std::numbers::pi ? yfov_rad : 0.7;
   camera.aspect_ratio = aspect_ratio > 0.0 && std::isfinite(aspect_ratio) ? aspect_ratio : 1.0;
   const bool has_size = !bounds.empty() && is_finite(bounds.lower) && is_finite(bounds.upper);
   const Bounds3d box = has_size ? bounds : Bounds3d{Vec3d(-1.0), Vec3d(1.0)};

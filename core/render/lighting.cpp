@@ -42,12 +42,12 @@ Lighting default_lights(const scene::Camera& camera) {
   const Mat3d& axes = camera.world_from_camera.linear;
   scene::Light sun;
   sun.kind = scene::LightKind::kDirectional;
-  sun.direction = -glm::normalize(0.55 * axes[0] + Vec3d(0.0, 0.80, 0.0) + 0.45 * axes[2]);
+  sun.direction = -glm::normalize(0.75 * axes[0] + Vec3d(0.0, 0.85, 0.0) + 0.40 * axes[2]);
   sun.color = {1.F, 0.96F, 0.89F};
-  sun.intensity = 0.72 * kPi;
+  sun.intensity = 0.85 * kPi;
   Lighting lighting;
   lighting.lights = {sun};
-  lighting.head_light = Vec3f(0.08F);
+  lighting.head_light = Vec3f(0.06F);
   return lighting;
 }
 
