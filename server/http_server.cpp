@@ -16,6 +16,9 @@
 namespace gridcast::server {
 namespace {
 
+// A connection is given back now and then, so that none holds a thread for ever.
+constexpr std::size_t kRequestsPerConnection = 1000;
+
 /// What the library reads: a head that was checked and reduced to what it needs. What it writes goes out.
 class GuardStream final : public httplib::Stream {
  public:
@@ -99,6 +102,7 @@ class HttpServer::Edge final : public httplib::Server {
     });
     set_tcp_nodelay(true);
     set_keep_alive_timeout(options_.connection.keep_alive.count() / 1000);
+    set_keep_alive_max_count(kRequestsPerConnection);
     set_pre_routing_handler([](const httplib::Request&, httplib::Response& response) {
       fill(response);
       return HandlerResponse::Handled;
@@ -159,7 +163,7 @@ class HttpServer::Edge final : public httplib::Server {
 
   void serve_connection(Connection& connection) {
     Clock::time_point queued_at = accepted_at;
-    while (auto head = connection.read_head()) {
+    for (std::size_t served = 1; auto head = connection.read_head(); ++served) {
       if (const auto* error = std::get_if<HeadError>(&*head)) {
         const proto::Problem problem{error->code, error->detail, ""};
         observer_({"", "", problem.status(), 0.0, 0, 0, ""});
@@ -170,6 +174,7 @@ class HttpServer::Edge final : public httplib::Server {
       // A first request's clock starts in the queue, a later one's with its first byte.
       const Clock::time_point started = std::min(queued_at, connection.head_started());
       queued_at = Clock::time_point::max();
+      must_close_after = served == kRequestsPerConnection;
       if (!serve_request(connection, std::get<HttpHead>(*head), started)) return;
     }
   }
@@ -178,7 +183,7 @@ class HttpServer::Edge final : public httplib::Server {
   bool serve_request(Connection& connection, const HttpHead& head, Clock::time_point started) {
     Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_}, connection, head, started);
     current_exchange = &exchange;
-    must_close_after = head.wants_close() || stopping_;
+    must_close_after = must_close_after || head.wants_close() || stopping_;
     // Only what the library needs to answer: no Range, Expect, Accept-Encoding, Content-* or chunked coding.
     GuardStream stream(connection, head.method + " / HTTP/1.1\r\n\r\n");
     bool closed = false;

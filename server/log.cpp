@@ -33,8 +33,9 @@ void start_log(std::string_view level, LogFormat format) {
 
 void log_request(const RequestRecord& record) {
   const auto level = record.status >= 500 ? spdlog::level::warn : spdlog::level::info;
-  const std::string_view route = record.route.empty() ? "-" : record.route;
-  const std::string_view method = record.method.empty() ? "-" : record.method;
+  const auto or_dash = [](std::string_view text) { return text.empty() ? std::string_view("-") : text; };
+  const std::string_view route = or_dash(record.route);
+  const std::string_view method = or_dash(record.method);
   if (format_in_use == LogFormat::kJson)
     spdlog::log(level,
                 "\"method\": \"{}\", \"route\": \"{}\", \"status\": {}, \"ms\": {:.3f}, \"bytes_in\": {}, "
