@@ -3,6 +3,7 @@
 #include <new>
 #include <numeric>
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "core/scene/scene_editor.h"

@@ -23,11 +23,12 @@ tlas::InstanceBox hit_box(const InstanceTransform& transform, const Bounds3f& ob
 
   const Affine& placed = transform.world_from_object();
   const double stretch = row_sum_norm(placed.linear) * row_sum_norm(transform.object_from_world_linear());
-  tlas::InstanceBox box{transform.bounds_to_world(grown), 0.0};
-  box.drift = 0x1p-40 * stretch + 4.0 * transform.round_trip_error();
+  const double drift = 0x1p-40 * stretch + 4.0 * transform.round_trip_error();
+  // Rounded up to float.
+  tlas::InstanceBox box{transform.bounds_to_world(grown), float(drift * (1.0 + 0x1p-22))};
   const double reach = max_abs(glm::max(glm::abs(box.bounds.lower - placed.translation),
                                         glm::abs(box.bounds.upper - placed.translation)));
-  const double outward = box.drift * reach * (1.0 + 0x1p-40);
+  const double outward = double(box.drift) * reach * (1.0 + 0x1p-40);
   // Subtracting `outward` rounds by less than 2^-53 of the box's coordinates.
   const double rounding = 0x1p-52 * (box.bounds.magnitude() + outward);
   box.bounds.lower -= Vec3d(outward + rounding);

@@ -41,7 +41,7 @@ std::uint64_t Scene::stored_triangle_count() const {
 
 std::size_t Scene::memory_bytes() const {
   std::size_t bytes = instances_.memory_bytes() + added_names_.memory_bytes() +
-                      data_->instances.capacity() * sizeof(InstanceData) + top_level_.stats().memory_bytes;
+                      data_->instances.capacity() * sizeof(InstanceData) + top_level_.memory_bytes();
   for (const blas::Blas& blas : blas_) bytes += blas.mesh().memory_bytes() + blas.stats().memory_bytes;
   return bytes;
 }

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <new>
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include "core/math/exact.h"

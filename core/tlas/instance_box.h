@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "core/math/bounds.h"
@@ -11,7 +12,7 @@ namespace gridcast::tlas {
 /// the rounding of the world-to-object transform, which grows with the distance. Empty bounds: never hit.
 struct InstanceBox {
   Bounds3d bounds;
-  double drift = 0.0;
+  float drift = 0.F;
   friend bool operator==(const InstanceBox&, const InstanceBox&) = default;
 };
 
@@ -20,5 +21,46 @@ struct BoxChange {
   std::uint32_t instance_id = 0;
   InstanceBox box;
 };
+
+using Cell = std::array<std::uint16_t, 3>;
+
+/// A box of cells, both ends included; the default is empty.
+struct CellRange {
+  Cell lower{1, 1, 1};
+  Cell upper{0, 0, 0};
+
+  [[nodiscard]] bool empty() const { return lower[0] > upper[0]; }
+  [[nodiscard]] bool contains(const Cell& cell) const {
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (cell[axis] < lower[axis] || cell[axis] > upper[axis]) return false;
+    return true;
+  }
+  /// Calls visit(cell) for every cell, x fastest.
+  template <class Visit>
+  void for_each(const Visit& visit) const {
+    if (empty()) return;
+    for (std::uint32_t z = lower[2]; z <= upper[2]; ++z)
+      for (std::uint32_t y = lower[1]; y <= upper[1]; ++y)
+        for (std::uint32_t x = lower[0]; x <= upper[0]; ++x)
+          visit(Cell{std::uint16_t(x), std::uint16_t(y), std::uint16_t(z)});
+  }
+  [[nodiscard]] std::uint64_t cell_count() const {
+    if (empty()) return 0;
+    std::uint64_t count = 1;
+    for (std::size_t axis = 0; axis < 3; ++axis) count *= std::uint64_t(upper[axis] - lower[axis]) + 1;
+    return count;
+  }
+  friend bool operator==(const CellRange&, const CellRange&) = default;
+};
+
+/// A slot of the top level in 64 bytes: an InstanceBox and the cells that list it (none when empty).
+struct Entry {
+  Bounds3d bounds;
+  float drift = 0.F;
+  CellRange range;
+
+  [[nodiscard]] InstanceBox box() const { return {bounds, drift}; }
+};
+static_assert(sizeof(Entry) == 64);
 
 }  // namespace gridcast::tlas

@@ -1,0 +1,221 @@
+#include "core/tlas/top_level.h"
+
+#include <map>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "core/tlas/grid_cost.h"
+#include "tests/support/random.h"
+
+namespace gridcast::tlas {
+namespace {
+
+using Boxes = std::vector<InstanceBox>;
+
+InstanceBox cube(const Vec3d& center, double half, float drift = 0x1p-38F) {
+  return {{center - Vec3d(half), center + Vec3d(half)}, drift};
+}
+
+Boxes cloud(std::size_t count, test::Random& random) {
+  Boxes boxes;
+  for (std::size_t i = 0; i < count; ++i)
+    boxes.push_back(cube(random.in_box(10.0), std::exp2(random.uniform(-5.0, 0.0))));
+  return boxes;
+}
+
+/// Awkward arrangements, by name.
+std::map<std::string, Boxes> arrangements() {
+  test::Random random(21);
+  std::map<std::string, Boxes> all;
+  all["cloud"] = cloud(2000, random);
+  for (int i = 0; i < 3000; ++i) {
+    all["flat city"].push_back(cube({random.uniform(-500, 500), 0.0, random.uniform(-500, 500)}, 2.0));
+    all["line"].push_back(cube({double(i), 0.0, 0.0}, 0.3));
+    all["coincident"].push_back(cube(Vec3d(1.0), 1.0));
+    all["giant and tiny"].push_back(i == 0 ? cube(Vec3d(0.0), 100.0) : cube(random.in_box(100.0), 0.01));
+    const bool crowded = i % 100 != 0;
+    all["stadium"].push_back(cube(random.in_box(crowded ? 0.5 : 500.0), 0.02));
+    all["nested"].push_back(cube(Vec3d(0.0), 1.0 + i));
+    all["far off"].push_back(cube(Vec3d(1e6) + random.in_box(1.0), 0.02));
+    all["points"].push_back(cube(random.in_box(1.0), 0.0));
+    all["some without a box"].push_back(i % 3 == 0 ? InstanceBox{} : cube(random.in_box(5.0), 0.1));
+    all["some with much drift"].push_back(cube(random.in_box(5.0), 0.1, i % 50 == 0 ? 0.01F : 0x1p-38F));
+  }
+  return all;
+}
+
+Ray random_ray(const Bounds3d& bounds, test::Random& random) {
+  const double size = max_abs(bounds.extent()) + 1e-3;
+  const Vec3d target = bounds.center() + 0.5 * random.in_box(1.0) * bounds.extent();
+  const Vec3d origin =
+      random.below(4) == 0 ? target + random.in_box(size) : bounds.center() + 1.5 * random.in_box(size);
+  Ray ray{origin, target - origin};
+  if (max_abs(ray.direction) == 0.0) ray.direction = Vec3d(1, 0, 0);
+  if (random.below(4) == 0) ray.direction[int(random.below(3))] = 0.0;
+  if (max_abs(ray.direction) == 0.0) ray.direction = Vec3d(0, 1, 0);
+  return ray;
+}
+
+/// Each visited instance and how often.
+std::map<std::uint32_t, int> visits(const TopLevel& level, const Ray& ray) {
+  std::map<std::uint32_t, int> counts;
+  level.traverse(ray, ray.tfar, [&](std::uint32_t id) {
+    ++counts[id];
+    return ray.tfar;
+  });
+  return counts;
+}
+
+/// Boxes the ray truly meets, with nothing added.
+std::vector<std::uint32_t> met(const Boxes& boxes, const Ray& ray) {
+  std::vector<std::uint32_t> ids;
+  for (std::uint32_t id = 0; id < boxes.size(); ++id) {
+    const Bounds3d& box = boxes[id].bounds;
+    if (!box.empty() && !intersect_box(WorldRay(ray), box, 0.0, ray.tfar).empty()) ids.push_back(id);
+  }
+  return ids;
+}
+
+void expect_every_met_box_visited_once(const TopLevel& level, const Boxes& boxes, test::Random& random,
+                                       int rays) {
+  for (int i = 0; i < rays; ++i) {
+    const Ray ray = random_ray(level.bounds(), random);
+    const auto counts = visits(level, ray);
+    for (const auto& [id, count] : counts) EXPECT_EQ(count, 1) << id;
+    for (const std::uint32_t id : met(boxes, ray)) EXPECT_TRUE(counts.contains(id)) << id;
+  }
+}
+
+TEST(TopLevel, every_box_that_a_ray_meets_is_visited_once_in_awkward_scenes) {
+  test::Random random(test::seed_or(22));
+  for (const auto& [name, boxes] : arrangements()) {
+    SCOPED_TRACE(name);
+    const TopLevel level = TopLevel::build(boxes);
+    const Status valid = level.validate();
+    EXPECT_TRUE(valid.ok()) << valid.error().message << valid.error().where;
+    expect_every_met_box_visited_once(level, boxes, random, 100);
+  }
+}
+
+TEST(TopLevel, memory_stays_within_the_stated_bounds) {
+  for (const auto& [name, boxes] : arrangements()) {
+    SCOPED_TRACE(name);
+    const TopLevelStats stats = TopLevel::build(boxes).stats();
+    EXPECT_LE(stats.cell_count, max_cells(stats.instance_count));
+    EXPECT_LE(stats.reference_count, max_references(stats.instance_count));
+    EXPECT_FALSE(stats.reason.empty());
+  }
+}
+
+TEST(TopLevel, the_cost_model_makes_no_grid_for_one_instance_or_a_heap) {
+  auto all = arrangements();
+  EXPECT_EQ(TopLevel::build({}).kind(), TopLevelKind::kNone);
+  EXPECT_EQ(TopLevel::build(Boxes{cube(Vec3d(3.0), 1.0)}).kind(), TopLevelKind::kNone);
+  EXPECT_EQ(TopLevel::build(all["coincident"]).kind(), TopLevelKind::kNone);
+  EXPECT_EQ(TopLevel::build(all["cloud"]).kind(), TopLevelKind::kUniformGrid);
+  EXPECT_EQ(TopLevel::build(all["cloud"], TopLevelChoice::kNone).kind(), TopLevelKind::kNone);
+  const TopLevelStats city = TopLevel::build(all["flat city"]).stats();
+  EXPECT_EQ(city.cells[1], 1U);
+  const TopLevelStats line = TopLevel::build(all["line"]).stats();
+  EXPECT_GT(line.cells[0], 1000U);
+  EXPECT_LE(line.cells[1] * line.cells[2], 4U);
+}
+
+TEST(TopLevel, rays_from_beyond_the_reach_visit_what_they_meet) {
+  test::Random random(test::seed_or(23));
+  const Boxes boxes = cloud(500, random);
+  const TopLevel level = TopLevel::build(boxes);
+  ASSERT_EQ(level.kind(), TopLevelKind::kUniformGrid);
+  for (int i = 0; i < 50; ++i) {
+    const Vec3d target = random.in_box(10.0);
+    const Vec3d origin = target + 1e9 * random.direction();
+    const Ray ray{origin, target - origin};
+    const auto counts = visits(level, ray);
+    for (const std::uint32_t id : met(boxes, ray)) EXPECT_TRUE(counts.contains(id));
+  }
+}
+
+TEST(TopLevel, a_walk_ends_when_the_best_hit_lies_within_the_cell) {
+  Boxes boxes;
+  for (int i = 0; i < 1000; ++i) boxes.push_back(cube({double(i), 0.0, 0.0}, 0.4));
+  const TopLevel level = TopLevel::build(boxes);
+  ASSERT_EQ(level.kind(), TopLevelKind::kUniformGrid);
+  int count = 0;
+  level.traverse({{-10, 0, 0}, {1, 0, 0}}, 1e9, [&](std::uint32_t id) {
+    ++count;
+    return 10.0 + id - 0.4;  // the near face of the box
+  });
+  EXPECT_LE(count, 4);
+  level.traverse({{-10, 0, 0}, {1, 0, 0}}, 1e9, [&](std::uint32_t) {
+    count = -1;
+    return -std::numeric_limits<double>::infinity();
+  });
+  EXPECT_EQ(count, -1);
+}
+
+TEST(TopLevelUpdate, random_inserts_moves_and_erasures_keep_it_sound_and_leave_old_copies_alone) {
+  test::Random random(test::seed_or(24));
+  Boxes boxes = cloud(600, random);
+  TopLevel level = TopLevel::build(boxes);
+  for (int round = 0; round < 60; ++round) {
+    const TopLevel old = level;
+    const Boxes old_boxes = boxes;
+    std::map<std::uint32_t, InstanceBox> changes;
+    for (std::uint32_t k = 0; k < 1 + random.below(20); ++k) {
+      const auto id = random.below(std::uint32_t(boxes.size()) + 2);
+      const double spread = random.below(10) == 0 ? 40.0 : 10.0;  // now and then out of the grid
+      changes[id] =
+          random.below(5) == 0 ? InstanceBox{} : cube(random.in_box(spread), random.uniform(0.0, 1.0));
+      if (id >= boxes.size()) boxes.resize(id + 1);
+      boxes[id] = changes[id];
+    }
+    std::vector<BoxChange> list;
+    for (const auto& [id, box] : changes) list.push_back({id, box});
+    level = old.updated(list);
+    ASSERT_EQ(level.slots(), boxes.size());
+    for (std::uint32_t id = 0; id < boxes.size(); ++id) ASSERT_EQ(level.box(id), boxes[id]);
+    for (const TopLevel* each : {&std::as_const(level), &old}) {
+      const Status valid = each->validate();
+      ASSERT_TRUE(valid.ok()) << valid.error().message << valid.error().where;
+    }
+    expect_every_met_box_visited_once(level, boxes, random, 10);
+    expect_every_met_box_visited_once(old, old_boxes, random, 3);
+  }
+}
+
+TEST(TopLevelUpdate, an_instance_that_flies_away_does_not_slow_the_grid_and_is_still_visited) {
+  test::Random random(test::seed_or(25));
+  Boxes boxes = cloud(2000, random);
+  const BoxChange away{7, cube(Vec3d(1e8), 1.0)};
+  const TopLevel level = TopLevel::build(boxes).updated(std::span(&away, 1));
+  EXPECT_EQ(level.kind(), TopLevelKind::kUniformGrid);
+  EXPECT_EQ(level.stats().always_tested, 1U);
+  EXPECT_TRUE(visits(level, {Vec3d(0.0), Vec3d(1.0)}).contains(7));
+}
+
+TEST(TopLevelValidate, a_grid_that_forgets_an_edit_is_caught) {
+  test::Random random(test::seed_or(26));
+  const Boxes boxes = cloud(200, random);
+  const GridChoice choice = choose_grid(boxes);
+  ASSERT_TRUE(choice.layout.has_value());
+  std::vector<CellRange> ranges;
+  ChunkedVector<Entry> entries;
+  std::uint64_t references = 0;
+  for (const InstanceBox& box : boxes) {
+    ranges.push_back(choice.layout->range_of(box));
+    entries.push_back({box.bounds, box.drift, ranges.back()});
+    references += ranges.back().cell_count();
+  }
+  UniformGrid grid(*choice.layout, ranges);
+  EXPECT_TRUE(grid.validate(entries, references).ok());
+  const CellRange corner{{0, 0, 0}, {0, 0, 0}};
+  const RangeChange there{3, ranges[3], corner}, back{3, corner, ranges[3]};
+  grid.apply(std::span(&there, 1));
+  EXPECT_FALSE(grid.validate(entries, references).ok());
+  grid.apply(std::span(&back, 1));
+  EXPECT_TRUE(grid.validate(entries, references).ok());
+}
+
+}  // namespace
+}  // namespace gridcast::tlas
