@@ -12,6 +12,8 @@ namespace {
 constexpr int kPilotSide_px = 64;
 constexpr float kTargetLevel = 0.5F;
 constexpr double kPercentile = 0.75;
+// Unlit surfaces are darker than this in the pilot: their colour is divided by its huge exposure.
+constexpr float kDarkest = 1e-30F;
 constexpr float kFillShare = 0.33F;
 
 std::vector<float> pilot_luminances(const scene::Scene& scene, const RenderSettings& settings,
@@ -28,7 +30,7 @@ std::vector<float> pilot_luminances(const scene::Scene& scene, const RenderSetti
       if (hit.status != RayStatus::kHit) continue;
       // The weights of red, green and blue in luminance, Rec. 709.
       const float luminance = glm::dot(whitted.radiance(ray, hit), Vec3f(0.2126F, 0.7152F, 0.0722F));
-      if (luminance > 0.F && std::isfinite(luminance)) luminances.push_back(luminance);
+      if (luminance > kDarkest && std::isfinite(luminance)) luminances.push_back(luminance);
     }
   }
   return luminances;

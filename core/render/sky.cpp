@@ -5,9 +5,9 @@
 namespace gridcast::render {
 namespace {
 
-const Vec3f kZenith(0.16F, 0.28F, 0.50F);
-const Vec3f kHorizon(0.55F, 0.63F, 0.72F);
-const Vec3f kGround(0.115F, 0.125F, 0.145F);
+const Vec3f kZenith(0.12F, 0.20F, 0.34F);
+const Vec3f kHorizon(0.46F, 0.52F, 0.58F);
+const Vec3f kGround(0.085F, 0.092F, 0.105F);
 
 // Cosine-weighted means of the gradient below over the hemispheres that look straight up, sideways and
 // straight down. The factors are integrals over y of sqrt(y) or 1 - smoothstep, times 2 y (up, down) or (4 /
