@@ -12,12 +12,11 @@ namespace gridcast::proto {
 template <class T>
 class [[nodiscard]] Parsed {
  public:
-  Parsed(T value)
-      : state_(std::in_place_index<0>, std::move(value)) {
-  }  // NOLINT(google-explicit-constructor): `return value;`
-  Parsed(Problem problem)
-      : state_(std::in_place_index<1>, std::move(problem)) {
-  }  // NOLINT(google-explicit-constructor): `return problem;`
+  // `return value;` and `return problem;` are what this type is for.
+  // NOLINTBEGIN(google-explicit-constructor)
+  Parsed(T value) : state_(std::in_place_index<0>, std::move(value)) {}
+  Parsed(Problem problem) : state_(std::in_place_index<1>, std::move(problem)) {}
+  // NOLINTEND(google-explicit-constructor)
 
   [[nodiscard]] bool ok() const { return state_.index() == 0; }
   explicit operator bool() const { return ok(); }

@@ -92,6 +92,7 @@ std::optional<ImageFormat> choose_format(const JsonNode* node, std::string_view 
   if (node != nullptr)
     wanted = {read_choice(*node, kImageFormatNames) == "exr" ? ImageFormat::kExr : ImageFormat::kPng};
   std::vector<std::string_view> offered;
+  offered.reserve(wanted.size());
   for (const ImageFormat format : wanted) offered.push_back(media_type(format));
   const auto chosen = negotiate(accept, offered);
   if (!chosen) return std::nullopt;
