@@ -37,7 +37,7 @@ Choice choose(StructureKind asked, std::size_t triangles) {
   const std::string limit = std::to_string(kBruteForceTriangles);
   if (triangles <= kBruteForceTriangles) {
     return {StructureKind::kBruteForce, std::to_string(triangles) + " triangles: up to " + limit +
-                                            " a tree saves less than two triangle tests a ray"};
+                                            " a tree saves nothing that pays for it"};
   }
   return {StructureKind::kBvh,
           std::to_string(triangles) + " triangles: more than the " + limit + " that need no tree"};

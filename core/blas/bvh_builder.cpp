@@ -83,6 +83,8 @@ class Builder {
       if (may_be_leaf) return std::nullopt;
       division = divide_at_midpoint(span, range.bounds);
     } else {
+      // One node costs more than such a leaf, wherever it is split.
+      if (may_be_leaf && kTriangleCost * double(range.count) <= kNodeCost) return std::nullopt;
       const std::optional<BinnedSplit> split = find_binned_split(span, range.bounds);
       if (may_be_leaf && (!split || split->cost >= kTriangleCost * double(range.count))) return std::nullopt;
       if (split) division = divide_at_bin(span, range.bounds, *split);
