@@ -1,0 +1,85 @@
+#pragma once
+// The meshes that properties are checked on: made here, and every mesh file beside the repository.
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <iostream>
+#include <string>
+#include <vector>
+
+#include "core/io/gltf.h"
+#include "core/mesh/topology.h"
+#include "tests/support/assets.h"
+#include "tests/unit/blas/cases.h"
+
+namespace gridcast::property {
+
+using blas::MeshCase;
+using blas::StructureCase;
+using mesh::TriangleMesh;
+using test::Random;
+
+/// GRIDCAST_RAYS if set, else `standard`: rays per mesh, structure and class of rays.
+inline std::size_t ray_count(std::size_t standard) {
+  const char* text = std::getenv("GRIDCAST_RAYS");
+  return text != nullptr ? std::size_t(std::strtoull(text, nullptr, 0)) : standard;
+}
+
+/// Every structure that has a tree; brute force is what they are compared with.
+inline std::vector<StructureCase> tree_cases() {
+  std::vector<StructureCase> trees;
+  for (const StructureCase& structure : blas::structure_cases())
+    if (structure.options.kind != blas::StructureKind::kAuto) trees.push_back(structure);
+  return trees;
+}
+
+/// A row of boxes with shared planes: every wall lies in planes of others.
+inline TriangleMesh box_city(int blocks, std::uint64_t seed) {
+  Random random(seed);
+  TriangleMesh city;
+  for (int i = 0; i < blocks * blocks; ++i) {
+    const Vec3f lower(float(i % blocks) * 2.F, 0.F, float(i / blocks) * 2.F);
+    const auto height = float(1 + random.below(6));
+    const TriangleMesh house = test::box(lower, lower + Vec3f(1.5F, height, 1.5F));
+    const auto first = std::uint32_t(city.positions.size());
+    city.positions.insert(city.positions.end(), house.positions.begin(), house.positions.end());
+    for (const auto& [a, b, c] : house.triangles) city.triangles.push_back({a + first, b + first, c + first});
+  }
+  return city;
+}
+
+inline std::vector<MeshCase> generated_meshes() {
+  std::vector<MeshCase> meshes = blas::mesh_cases();
+  meshes.push_back({"box city", test::share(box_city(12, 3))});
+  meshes.push_back({"fine jittered icosphere", test::share(test::jittered_icosphere(5, 21))});
+  meshes.push_back({"fine torus", test::share(test::torus(300, 60))});
+  return meshes;
+}
+
+/// All meshes of all files below `root`, by path.
+inline std::vector<MeshCase> meshes_below(const std::filesystem::path& root) {
+  std::vector<std::filesystem::path> files;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(root))
+    if (entry.path().extension() == ".glb") files.push_back(entry.path());
+  std::sort(files.begin(), files.end());
+  std::vector<MeshCase> meshes;
+  for (const std::filesystem::path& file : files) {
+    const Result<scene::SceneData> data = io::import_gltf_file(file);
+    if (!data) {
+      ADD_FAILURE() << file << ": " << data.error().message << " at " << data.error().where;
+      continue;
+    }
+    for (const auto& mesh : data->meshes)
+      if (mesh->triangle_count() != 0) meshes.push_back({file.stem().string(), mesh});
+  }
+  return meshes;
+}
+
+/// Closed and consistently wound, so that its winding number is an integer off the surface.
+inline bool encloses_space(const TriangleMesh& mesh) {
+  const mesh::TopologyReport report = mesh::analyse_topology(mesh);
+  return report.closed && report.inconsistent_edges == 0;
+}
+
+}  // namespace gridcast::property
