@@ -89,7 +89,6 @@ MADE_HERE = {
     "buffer_missing": set_at("bufferViews", 0, "buffer", value=3),
     "indices_are_floats": set_at("accessors", 1, "componentType", value=5126),
     "indices_are_vectors": set_at("accessors", 1, "type", value="VEC3"),
-    "positions_are_bytes": set_at("accessors", 0, "componentType", value=5120),
     "node_is_its_own_child": set_at("nodes", 0, "children", value=[0]),
     "scene_root_missing": set_at("scenes", 0, "nodes", value=[5]),
     "matrix_of_words": set_at("nodes", 0, "matrix", value=["a"] * 16),

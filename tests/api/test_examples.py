@@ -1,12 +1,16 @@
 """Every example of proto/examples and every example of the contract is sent to a real server."""
 
 import json
+import sys
 
 import pytest
 
 import contract
 import models
 from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "proto/examples"))
+from run_examples import run_example  # noqa: E402
 
 EXAMPLES = sorted((ROOT / "proto/examples").glob("*.json"))
 
@@ -50,5 +54,17 @@ def test_the_contracts_requests_are_taken(client, stage, method, template, kind,
 
 def test_there_are_examples():
     assert EXAMPLES, "proto/examples is empty"
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_the_example_is_answered_as_it_says(server, path):
+    assert run_example(server.url, path) is None
+
+
+def test_the_runner_of_examples_notices_a_wrong_answer(server, tmp_path):
+    wrong = tmp_path / "wrong.json"
+    step = {"request": {"method": "GET", "path": "/v1"}, "expect": {"status": 200, "json": {"name": "other"}}}
+    wrong.write_text(json.dumps({"name": "wrong", "steps": [step]}))
+    assert "/name" in run_example(server.url, wrong)
 
 

@@ -1,5 +1,7 @@
 """Adding, moving and removing instances; versions, If-Match, and what a refused update leaves behind."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -41,7 +43,9 @@ def test_a_moved_instance_is_hit_where_it_is_now(box):
     assert reply.version() == 2 and reply.headers["etag"] == '"2"'
     assert height_at(box, 0) == -np.inf
     assert height_at(box, 5) == 3.0
-    assert box.get().json()["bounds"] == {"lower": [4, 1, -1], "upper": [6, 3, 1]}
+    bounds = box.get().json()["bounds"]
+    assert bounds["lower"] == pytest.approx([4, 1, -1], abs=1e-4)
+    assert bounds["upper"] == pytest.approx([6, 3, 1], abs=1e-4)
 
 
 def test_a_4x4_matrix_is_taken_too(box):
@@ -112,10 +116,10 @@ def test_instances_can_be_added_and_removed(box):
     ({"mesh_id": 0, "name": "x" * 1000}, 422, "/name"),
 ])
 def test_wrong_instances_are_refused_with_a_pointer(box, body, status, pointer):
-    import json
+    # JSON has no infinity: a number that no double holds is written out.
     reply = box.post("/instances", json.dumps(body).replace("Infinity", "1e999"))
-    assert reply.status in (status, 400 if "1e999" in json.dumps(body).replace("Infinity", "1e999") else status)
-    assert reply.problem()[1].startswith(pointer) or reply.status == 400
+    assert reply.status == status
+    assert reply.problem()[1].startswith(pointer)
     assert box.version() == 1
 
 

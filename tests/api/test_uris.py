@@ -58,6 +58,7 @@ def test_the_system_calls_show_no_file_and_no_connection(start_server, strace, t
                                    "trace=open,openat,openat2,creat,connect,execve,stat,lstat,newfstatat,access,faccessat"))
     traced.client.load(models.one_box()).delete()
     start = log.stat().st_size
+    assert start > 0 and traced.server_pid() != traced.process.pid, "the program is traced from its first call"
     upload_all(traced.client, lambda uri, kind, reply: None)
     with open(log, encoding="utf-8", errors="replace") as file:
         file.seek(start)

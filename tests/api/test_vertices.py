@@ -34,7 +34,7 @@ def test_deformed_vertices_are_hit_like_a_scene_loaded_with_them(load, structure
     report = reply.json()
     assert report["scene_version"] == "2" == reply.headers["scene-version"]
     assert report["action"] in ("refit", "rebuild") and report["reason"]
-    assert report["cost_after"] > 0
+    assert report["cost_after"] > 0 or structure in ("auto", "embree"), "Embree does not tell its cost"
     got, expected = scene.cast(rays).columns(), fresh(load, bent, structure).cast(rays).columns()
     for name in expected:
         assert got[name].tobytes() == expected[name].tobytes(), name
