@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <set>
+#include <utility>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
@@ -151,6 +153,18 @@ class Progress {
   std::atomic<std::size_t> done_{0};
 };
 
+// A coarse look: a camera that sees nothing, or one and the same triangle everywhere, makes no picture.
+bool shows_something(const scene::Scene& scene, const scene::Camera& camera) {
+  constexpr int kProbes = 16;
+  std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
+  for (int i = 0; i < kProbes * kProbes && seen.size() < 2; ++i) {
+    const Ray ray = primary_ray(camera, kProbes, kProbes, i % kProbes + 0.5, int(i / kProbes) + 0.5);
+    const SurfaceHit hit = scene::intersect(scene, ray);
+    seen.insert({hit.instance_id, hit.primitive_id});
+  }
+  return seen.size() > 1;
+}
+
 Error out_of_range(std::string message, std::string where) {
   return {ErrorCode::kInvalidArgument, std::move(message), std::move(where)};
 }
@@ -205,15 +219,8 @@ Result<Film> render(const scene::Scene& scene, const RenderSettings& settings, s
 }
 
 scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio) {
-  // A coarse look through every camera of the file: one that sees nothing is of no use.
-  constexpr int kProbes = 16;
-  for (const scene::Camera& camera : scene.data().cameras) {
-    if (!is_usable(camera)) continue;
-    for (int i = 0; i < kProbes * kProbes; ++i) {
-      const Ray ray = primary_ray(camera, kProbes, kProbes, i % kProbes + 0.5, int(i / kProbes) + 0.5);
-      if (scene::occluded(scene, ray) == RayStatus::kHit) return camera;
-    }
-  }
+  for (const scene::Camera& camera : scene.data().cameras)
+    if (is_usable(camera) && shows_something(scene, camera)) return camera;
   constexpr double kFieldOfView_rad = 0.7;
   return frame(scene.bounds(), kFieldOfView_rad, aspect_ratio);
 }

@@ -44,7 +44,8 @@ struct RenderSettings {
 [[nodiscard]] Result<Film> render(const scene::Scene& scene, const RenderSettings& settings,
                                   std::stop_token stop = {}, const scene::ProgressCallback& progress = {});
 
-/// The first camera of the file that is usable and sees something, else one that frames the scene.
+/// The first camera of the file that is usable and sees more than a single triangle, else one that frames the
+/// scene.
 [[nodiscard]] scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio);
 
 }  // namespace gridcast::render

@@ -174,13 +174,15 @@ TEST(Render, names_are_read_back_and_unknown_ones_refused) {
 TEST(DefaultCamera, the_files_own_camera_is_used_unless_it_sees_nothing) {
   const scene::Camera good = look_at({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 0.5).value();
   const scene::Camera away = look_at({0, 0, 5}, {0, 0, 9}, {0, 1, 0}, 0.5).value();
+  const scene::Camera too_close = look_at({0, 0, 1.0}, {0, 0, 0}, {0, 1, 0}, 0.01).value();
   scene::Camera broken = good;
   broken.yfov_rad = 0.0;
   SceneMaker maker;
-  maker.add(test::icosphere(1), matt(1, 1, 1)).camera(broken).camera(away);
+  maker.add(test::icosphere(1), matt(1, 1, 1)).camera(broken).camera(away).camera(too_close);
   const scene::Camera framed = default_camera(*maker.build(), 1.5);
   EXPECT_EQ(scene::occluded(*maker.build(), primary_ray(framed, 3, 2, 1.5, 1.0)), RayStatus::kHit);
   EXPECT_FALSE(framed.world_from_camera == away.world_from_camera);
+  EXPECT_FALSE(framed.world_from_camera == too_close.world_from_camera);
   EXPECT_EQ(default_camera(*maker.camera(good).build(), 1.5).world_from_camera, good.world_from_camera);
 }
 
