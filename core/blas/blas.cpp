@@ -13,12 +13,6 @@
 namespace gridcast::blas {
 namespace {
 
-/// True for the structures whose header is included above.
-template <class T>
-inline constexpr bool kKnown = requires {
-  sizeof(T);
-};
-
 template <class Pointer>
 using Pointee = typename Pointer::element_type;
 
@@ -142,10 +136,7 @@ template <Precision kPrecision>
 bool Blas::intersect(const mesh::ObjectRay& ray, Hit& best) const {
   return std::visit(
       [&](const auto& structure) {
-        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>)
-          return structure->template intersect<kPrecision, false>(*mesh_, ray, best);
-        else
-          return false;
+        return structure->template intersect<kPrecision, false>(*mesh_, ray, best);
       },
       structure_);
 }
@@ -156,10 +147,7 @@ bool Blas::occluded(const mesh::ObjectRay& ray, double tfar) const {
   best.t = tfar;
   return std::visit(
       [&](const auto& structure) {
-        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>)
-          return structure->template intersect<kPrecision, true>(*mesh_, ray, best);
-        else
-          return false;
+        return structure->template intersect<kPrecision, true>(*mesh_, ray, best);
       },
       structure_);
 }
@@ -170,22 +158,11 @@ template bool Blas::occluded<Precision::kFast>(const mesh::ObjectRay&, double) c
 template bool Blas::occluded<Precision::kRobust>(const mesh::ObjectRay&, double) const;
 
 Status Blas::validate() const {
-  return std::visit(
-      [&](const auto& structure) -> Status {
-        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>)
-          return structure->validate(*mesh_);
-        else
-          return ok_status();
-      },
-      structure_);
+  return std::visit([&](const auto& structure) { return structure->validate(*mesh_); }, structure_);
 }
 
 void Blas::add_structure_stats() {
-  std::visit(
-      [&](const auto& structure) {
-        if constexpr (kKnown<Pointee<std::decay_t<decltype(structure)>>>) structure->add_stats(stats_);
-      },
-      structure_);
+  std::visit([&](const auto& structure) { structure->add_stats(stats_); }, structure_);
 }
 
 }  // namespace gridcast::blas

@@ -12,7 +12,8 @@ struct BvhBuildConfig {
   BvhSplit split = BvhSplit::kBinnedSah;
   /// Leaves never hold more. The binned split stops earlier where the cost model says so.
   std::size_t max_leaf_size = 4;
-  /// Subtrees over more references than this are built as tasks of their own. No effect on the tree.
+  /// Subtrees over more references than this are built as tasks of their own; at least max_leaf_size. No
+  /// effect on the tree.
   std::size_t task_size = 4096;
 };
 
