@@ -1,5 +1,6 @@
 #include "server/api.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 
@@ -87,11 +88,29 @@ std::variant<scene::UpdateResult, Problem> update_scene(
   return std::move(updated);
 }
 
-std::string without_edit(const std::string& pointer) {
-  const std::string prefix = "/edits/";
-  if (pointer.rfind(prefix, 0) != 0) return pointer;
-  const std::size_t rest = pointer.find('/', prefix.size());
-  return rest == std::string::npos ? std::string() : pointer.substr(rest);
+namespace {
+
+const std::string kEdits = "/edits/";
+
+/// What follows the edit's number: "/edits/7/rest" -> "/rest".
+std::string within_edit(const std::string& pointer) {
+  const std::size_t slash = pointer.find('/', kEdits.size());
+  std::string rest = slash == std::string::npos ? std::string() : pointer.substr(slash);
+  const std::string core_name = "/world_from_object";
+  if (rest.starts_with(core_name)) rest.replace(0, core_name.size(), "/transform");
+  return rest;
+}
+
+}  // namespace
+
+std::string pointer_of_one(const std::string& pointer) {
+  return pointer.starts_with(kEdits) ? within_edit(pointer) : pointer;
+}
+
+std::string pointer_of_moves(const std::string& pointer) {
+  if (!pointer.starts_with(kEdits)) return pointer;
+  const std::size_t end = std::min(pointer.find('/', kEdits.size()), pointer.size());
+  return "/moves/" + pointer.substr(kEdits.size(), end - kEdits.size()) + within_edit(pointer);
 }
 
 }  // namespace gridcast::server

@@ -21,6 +21,12 @@ Examples:
 Exit codes: 0 done, 1 the work failed, 2 wrong usage, 130 interrupted.
 'gridcast COMMAND --help' says more about each.)";
 
+/// CLI11 reports a mistyped command as a missing one.
+bool is_unknown_command(const CLI::App& program, const std::string& word) {
+  if (word.empty() || word[0] == '-') return false;
+  return program.get_subcommands([&](const CLI::App* command) { return command->check_name(word); }).empty();
+}
+
 int run_chosen(CLI::App& program, const std::vector<std::unique_ptr<Command>>& commands,
                const std::stop_token& stop) {
   for (const auto& command : commands)
@@ -40,6 +46,10 @@ int run_command_line(int argc, char** argv) {
   commands.push_back(make_cast_command(program));
   commands.push_back(make_render_command(program));
   commands.push_back(make_info_command(program));
+  if (argc > 1 && is_unknown_command(program, argv[1])) {
+    std::fprintf(stderr, "gridcast: unknown command '%s' (see gridcast --help)\n", argv[1]);
+    return kExitUsage;
+  }
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help and --version
@@ -50,8 +60,7 @@ int run_command_line(int argc, char** argv) {
   }
   const SignalWatch signals;
   try {
-    const int code = run_chosen(program, commands, signals.token());
-    return code;
+    return run_chosen(program, commands, signals.token());
   } catch (const std::exception& error) {
     std::fprintf(stderr, "gridcast: %s\n", error.what());
     return kExitFailed;

@@ -13,6 +13,7 @@
 #include "server/http_types.h"
 #include "server/signals.h"
 #include "server/thread_limit.h"
+#include "server/vector_option.h"
 
 namespace gridcast::server {
 namespace {
@@ -57,6 +58,8 @@ class CastCommand final : public Command {
     const std::string ending = std::filesystem::path(output_).extension().string();
     if (source_.camera_grid.empty() && source_.binary_path.empty() && source_.json_path.empty())
       return usage("rays are needed: --camera-grid, --rays or --json-rays");
+    if (!source_.camera_grid.empty() && !parse_size(source_.camera_grid))
+      return usage("--camera-grid is WIDTHxHEIGHT, each from 1 to 65536");
     if (!output_.empty() && ending != ".json" && ending != ".bin")
       return usage("the output's name must end in .json or .bin");
     const ThreadLimit limit(file_.threads);

@@ -97,6 +97,11 @@ class ServeCommand final : public Command {
                    options_.http.host.c_str());
       return kExitUsage;
     }
+    for (const std::string& item : options_.load) {
+      if (item.find('=') != item.npos && SceneStore::is_valid_id(item.substr(0, item.find('=')))) continue;
+      std::fprintf(stderr, "gridcast: --load takes NAME=FILE, NAME of letters, digits, '_', '.' and '-'\n");
+      return kExitUsage;
+    }
     start_log(options_.log_level, options_.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
     if (!is_loopback(options_.http.host)) log_warning("listening on a public address without authentication");
     const ThreadLimit limit(options_.threads);
@@ -138,10 +143,6 @@ class ServeCommand final : public Command {
     for (const std::string& item : options_.load) {
       const std::size_t equals = item.find('=');
       const std::string name = item.substr(0, equals);
-      if (equals == item.npos || !SceneStore::is_valid_id(name)) {
-        std::fprintf(stderr, "gridcast: --load takes NAME=FILE, NAME of letters, digits, '_', '.', '-'\n");
-        return kExitUsage;
-      }
       LoadOptions load;
       load.stop = stop;
       auto scene = load_scene_file(item.substr(equals + 1), load);

@@ -53,7 +53,8 @@ std::optional<HeadError> read_request_line(std::string_view line, HttpHead& head
     return HeadError{ProblemCode::kInvalidRequest,
                      "the request target must be an absolute path in visible ASCII"};
   if (version != "HTTP/1.1" && version != "HTTP/1.0")
-    return HeadError{ProblemCode::kInvalidRequest, "only HTTP/1.0 and HTTP/1.1 are spoken here"};
+    return HeadError{ProblemCode::kInvalidRequest,
+                     "only versions 1.0 and 1.1 of the protocol are spoken here"};
   head.method = method;
   head.target = target;
   head.minor_version = version.back() - '0';

@@ -47,7 +47,7 @@ HttpResponse add_instance(Api& api, const HttpRequest& request, Cancellation& ca
   if (parsed->mesh_id >= open.scene->mesh_count())
     return problem_response({ProblemCode::kMeshNotFound, "there is no such mesh", "/mesh_id"});
   scene::AddInstance edit{parsed->mesh_id, parsed->world_from_object, std::move(parsed->name)};
-  auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, without_edit);
+  auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
   const std::uint32_t id = updated.report.added_instances.at(0);
@@ -66,7 +66,7 @@ HttpResponse move_instance(Api& api, const HttpRequest& request, Cancellation& c
   auto parsed = proto::parse_move_instance(request.body, api.limits);
   if (!parsed) return problem_response(parsed.problem());
   auto result = update_scene(api, *open.named, request, {scene::MoveInstance{*id, parsed->world_from_object}},
-                             cancellation, without_edit);
+                             cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   const auto& scene = std::get<scene::UpdateResult>(result).scene;
   return versioned_json(to_json(instance_info(*scene, *id), scene->version()), scene->version());
@@ -85,10 +85,7 @@ HttpResponse move_instances(Api& api, const HttpRequest& request, Cancellation& 
   for (const proto::InstanceMove& move : *parsed)
     edits.emplace_back(scene::MoveInstance{move.instance_id, move.world_from_object});
   timing.mark("parse");
-  const auto pointer_of = [](const std::string& pointer) {
-    return pointer.rfind("/edits/", 0) == 0 ? "/moves/" + pointer.substr(7) : pointer;
-  };
-  auto result = update_scene(api, *open.named, request, edits, cancellation, pointer_of);
+  auto result = update_scene(api, *open.named, request, edits, cancellation, pointer_of_moves);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
@@ -105,7 +102,7 @@ HttpResponse remove_instance(Api& api, const HttpRequest& request, Cancellation&
   const auto id = parse_id(request.capture("i"));
   if (!id) return problem_response(no_instance());
   auto result = update_scene(api, *std::get<OpenScene>(opened).named, request, {scene::RemoveInstance{*id}},
-                             cancellation, without_edit);
+                             cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   const std::uint64_t version = std::get<scene::UpdateResult>(result).scene->version();
   HttpResponse response{204, "", "", {}};

@@ -57,7 +57,7 @@ HttpResponse patch_vertices(Api& api, const HttpRequest& request, Cancellation& 
   scene::ReplaceVertices edit{std::get<std::uint32_t>(mesh), std::move(parsed->positions),
                               std::move(parsed->vertex_ids),
                               scene::parse_update_mode(parsed->update).value()};
-  auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, without_edit);
+  auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);

@@ -17,8 +17,9 @@ enum class RayQuery { kClosest, kAny };
 enum class ReplyFormat { kJson, kBinary };
 
 /// What Accept asks for; without a preference, the answer comes in the form of the question.
-std::optional<ReplyFormat> reply_format(const HttpRequest& request, const proto::RayRequest& rays) {
-  const bool binary_first = !rays.binary_body.empty() || rays.rows.empty();
+std::optional<ReplyFormat> reply_format(const HttpRequest& request) {
+  const auto type = proto::parse_media_type(request.header("content-type"));
+  const bool binary_first = type && type->essence == proto::kRaysMediaType;
   std::array<std::string_view, 2> offered{proto::kJsonMediaType, proto::kHitsMediaType};
   if (binary_first) std::swap(offered[0], offered[1]);
   const auto chosen = proto::negotiate(request.header("accept"), offered);
@@ -70,7 +71,7 @@ HttpResponse cast(Api& api, const HttpRequest& request, Cancellation& cancellati
   auto rays =
       proto::parse_ray_request(request.header("content-type"), request.body, request.query, api.limits);
   if (!rays) return problem_response(rays.problem());
-  const auto format = reply_format(request, *rays);
+  const auto format = reply_format(request);
   if (!format)
     return problem_response({ProblemCode::kNotAcceptable,
                              "answers are application/json or application/vnd.gridcast.hits", "Accept"});

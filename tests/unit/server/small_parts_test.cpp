@@ -17,7 +17,7 @@ namespace {
 TEST(ProgressLine, shows_share_and_time_left) {
   EXPECT_EQ(progress_line("tracing", 0.5, 3.0, 80),
             "tracing [====================>                   ]  50 %  3 s left");
-  EXPECT_EQ(progress_line("tracing", 0.5, 200.0, 50), "tracing [========>         ]  50 %  3 min 20 s left");
+  EXPECT_EQ(progress_line("tracing", 0.5, 200.0, 50), "tracing [=======>       ]  50 %  3 min 20 s left");
 }
 
 TEST(ProgressLine, fits_any_terminal_and_any_fraction) {
