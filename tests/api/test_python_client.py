@@ -1,0 +1,64 @@
+"""The Python client that ships in proto/python, against a real server."""
+
+import importlib.util
+import sys
+
+import numpy as np
+import pytest
+
+import models
+from conftest import ROOT
+
+
+@pytest.fixture(scope="module")
+def library():
+    spec = importlib.util.spec_from_file_location("shipped_client", ROOT / "proto/python/gridcast_client.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def row(library, server, tmp_path):
+    path = tmp_path / "row.glb"
+    path.write_bytes(models.row_of_spheres())
+    scene = library.Service(server.url).create_scene(str(path), name="python-row")
+    yield scene
+    scene.delete()
+
+
+def test_it_casts_and_gives_the_bits_of_the_wire(row, client, library):
+    rays = models.random_rays(400, seed=2)
+    ours = row.closest(rays[:, :3], rays[:, 3:])
+    theirs = client.post("/v1/scenes/python-row/rays/closest", rays.tobytes(),
+                         "application/vnd.gridcast.rays; dtype=float64; columns=6",
+                         accept="application/vnd.gridcast.hits").columns()
+    for name in theirs:
+        assert np.asarray(ours[name]).tobytes() == theirs[name].tobytes(), name
+    assert (ours["instance_id"][ours["status"] != 1] == library.NO_ID).all()
+    near = row.closest([0, 10, 0], [0, -1, 0], tfar=8.0)
+    assert near["status"].tolist() == [0]
+
+
+def test_it_moves_deforms_and_renders(row):
+    assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(9.0)
+    lifted = np.eye(4)[:3]
+    lifted[1, 3] = 2.0
+    row.move({0: lifted})
+    assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(7.0)
+    positions = models.sphere()[0] * np.float32(2.0)
+    row.replace_vertices(0, positions)
+    assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(6.0)
+    picture = row.render(width_px=32, height_px=24)
+    assert picture.startswith(b"\x89PNG")
+
+
+def test_a_refusal_is_an_exception_with_the_problem(row, library):
+    with pytest.raises(library.GridcastError) as refused:
+        row.move({99: np.eye(4)[:3]})
+    assert refused.value.status == 404
+    assert refused.value.code == "instance_not_found"
+    with pytest.raises(library.GridcastError) as refused:
+        row.replace_vertices(0, [[0, 0, 0]])
+    assert refused.value.status == 422
