@@ -5,6 +5,8 @@
 #include <utility>
 #include <vector>
 
+#include <malloc.h>
+
 #include "server/api.h"
 #include "server/cli_common.h"
 #include "server/http_server.h"
@@ -43,6 +45,14 @@ struct ServeOptions {
   std::string log_format = "text";
   bool allow_public = false;
 };
+
+/// Large blocks go back to the system when they are freed, and many threads share a few heaps: else memory of
+/// refused and deleted scenes would stay with us.
+void return_freed_memory() {
+  ::mallopt(M_ARENA_MAX, 4);
+  ::mallopt(M_MMAP_THRESHOLD, 256 * 1024);
+  ::mallopt(M_TRIM_THRESHOLD, 1024 * 1024);
+}
 
 void add_limit_options(CLI::App& app, proto::Limits& limits) {
   const char* group = "Limits (published at GET /v1)";
@@ -104,6 +114,7 @@ class ServeCommand final : public Command {
     }
     start_log(options_.log_level, options_.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
     if (!is_loopback(options_.http.host)) log_warning("listening on a public address without authentication");
+    return_freed_memory();
     const ThreadLimit limit(options_.threads);
     Api api(options_.limits, limit.threads());
     std::atomic<bool> loaded{options_.load.empty()};

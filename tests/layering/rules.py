@@ -70,6 +70,7 @@ SYSTEM = {
     "sys/": ["server/", "tests/"],
     "netinet/": ["server/", "tests/"],
     "arpa/": ["server/", "tests/"],
+    "malloc.h": ["server/"],
     "poll.h": ["server/", "tests/"],
     "signal.h": ["server/", "tests/"],
     "immintrin.h": ["core/blas/", "core/tlas/"],
