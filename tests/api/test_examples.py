@@ -1,6 +1,8 @@
 """Every example of proto/examples and every example of the contract is sent to a real server."""
 
 import json
+import subprocess
+import sys
 import sys
 
 import pytest
