@@ -10,7 +10,7 @@
 namespace gridcast::tlas {
 namespace {
 
-/// Boxes outside the grid that are tolerated: this many, and this share of all.
+/// Boxes that may leave the grid between builds: this many, and this share of all.
 constexpr std::size_t kFreeOutside = 16;
 constexpr std::size_t kOutsideShare = 512;
 
@@ -48,6 +48,7 @@ TopLevel TopLevel::build(std::span<const InstanceBox> boxes, TopLevelChoice choi
     ++level.reachable_;
     if (ranges[id].empty()) level.always_.push_back(id);
   }
+  level.outside_at_build_ = level.always_.size();
   if (layout) level.grid_.emplace(*layout, ranges);
   level.build_ms_ =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -57,7 +58,7 @@ TopLevel TopLevel::build(std::span<const InstanceBox> boxes, TopLevelChoice choi
 bool TopLevel::worth_rebuilding(std::size_t changes) const {
   if (2 * (changes_since_build_ + changes) >= reachable_ + changes) return true;
   if (!grid_) return false;
-  return always_.size() > kFreeOutside + reachable_ / kOutsideShare ||
+  return always_.size() > outside_at_build_ + kFreeOutside + reachable_ / kOutsideShare ||
          grid_->reference_count() > max_references(reachable_);
 }
 

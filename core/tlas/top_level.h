@@ -2,8 +2,6 @@
 // The top level: leads a world ray to the instances it can touch.
 
 #include <cstdint>
-#include <limits>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -95,6 +93,7 @@ class TopLevel {
   TopLevelChoice choice_ = TopLevelChoice::kAuto;
   std::size_t reachable_ = 0;            ///< instances with a box
   std::size_t changes_since_build_ = 0;  ///< boxes replaced or added
+  std::size_t outside_at_build_ = 0;     ///< size of always_ then
   std::string reason_;
   double build_ms_ = 0.0;
 };
