@@ -26,6 +26,15 @@ inline std::size_t ray_count(std::size_t standard) {
   return text != nullptr ? std::size_t(std::strtoull(text, nullptr, 0)) : standard;
 }
 
+/// The pad of every box is some 2^-17 of the largest coordinate. Where that is a good part of the mesh (a
+/// small mesh with a large offset baked into its floats) nothing is culled and every ray costs the whole
+/// mesh: still right, but a hundredth of the rays has to do.
+inline std::size_t affordable(const TriangleMesh& mesh, std::size_t rays) {
+  const Bounds3d bounds = to_double(mesh.bounds());
+  const bool culls = bounds.magnitude() * 0x1p-17 < max_abs(bounds.extent()) / 64.0;
+  return culls ? rays : std::max<std::size_t>(20, rays / 100);
+}
+
 /// Every structure that has a tree; brute force is what they are compared with.
 inline std::vector<StructureCase> tree_cases() {
   std::vector<StructureCase> trees;

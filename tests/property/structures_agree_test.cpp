@@ -50,8 +50,9 @@ template <Precision kPrecision>
 void compare(const MeshCase& mesh_case, const std::vector<std::pair<std::string, Blas>>& trees,
              const std::vector<RayCase>& rays) {
   const Blas brute_force = Blas::build(mesh_case.mesh, {blas::StructureKind::kBruteForce}).value();
-  const std::vector<RayCase> few(
-      rays.begin(), rays.begin() + std::ptrdiff_t(std::min(rays.size(), kRaysAgainstBruteForce)));
+  const std::size_t few_total = affordable(*mesh_case.mesh, kRaysAgainstBruteForce);
+  const std::vector<RayCase> few(rays.begin(),
+                                 rays.begin() + std::ptrdiff_t(std::min(rays.size(), few_total)));
   const std::vector<Hit> truth = all_hits<kPrecision>(brute_force, few);
   for (const auto& [name, tree] : trees)
     EXPECT_EQ(differences<kPrecision>(tree, few, truth), 0U) << name << " against brute force";
@@ -79,7 +80,8 @@ void compare_all(const std::vector<MeshCase>& meshes) {
     }
     blas::RayMaker maker(*mesh_case.mesh, seed);
     std::vector<RayCase> rays;
-    for (std::size_t i = 0; i < ray_count(kRays); ++i) rays.push_back(maker.any());
+    const std::size_t ray_total = affordable(*mesh_case.mesh, ray_count(kRays));
+    for (std::size_t i = 0; i < ray_total; ++i) rays.push_back(maker.any());
     compare<Precision::kRobust>(mesh_case, trees, rays);
     compare<Precision::kFast>(mesh_case, trees, rays);
   }
