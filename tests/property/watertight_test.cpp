@@ -50,14 +50,14 @@ class Placement {
     const double size = max_abs(to_double(mesh.bounds()).extent());
     // Below a thousand doubles across, the world cannot tell the mesh's points apart.
     if (size < 0x1p-42 * std::abs(offset)) return;
-    for (int attempt = 0; attempt < 200 && origins_.size() < kOrigins; ++attempt) {
+    for (int attempt = 0; attempt < 400 && origins_.size() < kOrigins; ++attempt) {
       const auto corners = mesh.corners(random.below(std::uint32_t(mesh.triangle_count())));
       const Vec3d a(corners[0]), b(corners[1]), c(corners[2]);
       const Vec3d normal = glm::cross((b - a) / size, (c - a) / size);
       const double length = glm::length(normal);
       if (!(length > 0.0)) continue;
       const double depth =
-          size * std::pow(10.0, random.uniform(-3.0, -0.5)) * (attempt % 4 == 0 ? 1.0 : -1.0);
+          size * std::pow(10.0, random.uniform(-7.0, -0.5)) * (attempt % 4 == 0 ? 1.0 : -1.0);
       const Vec3d world = transform_.world_from_object().point((a + b + c) / 3.0 + depth * (normal / length));
       // The rounded point is what the ray starts from, so that is what has to be inside.
       const double winding = winding_number(mesh, transform_.point_to_object(world));
