@@ -31,9 +31,10 @@ class KdTree {
   KdTreeData data_;
 };
 
-/// Planes strictly inside their cells, links and ranges in order, depth within the stack, and every triangle
-/// listed by a leaf at each of its corners, edge midpoints and inner sample points. The error's `where` names
-/// the node (`/nodes/17`) or the triangle (`/triangles/3`).
+/// Planes strictly inside their cells, links and ranges in order, depth within the stack, every triangle
+/// listed by each leaf whose cell it enters beyond rounding, and at its corners, edge midpoints and middle by
+/// at least one (in a plane either side may). The error's `where` names the node (`/nodes/17`) or the
+/// triangle (`/triangles/3`).
 [[nodiscard]] Status validate_kd_tree(const KdTreeData& tree, const mesh::TriangleMesh& mesh);
 
 }  // namespace gridcast::blas

@@ -31,6 +31,29 @@ Polygon clip(const Polygon& polygon, int axis, double plane, Keep keep) {
   return result;
 }
 
+struct Clipped {
+  Bounds3f box;   ///< of the whole triangle
+  double margin;  ///< the planes were moved outward by this
+  Polygon polygon;
+};
+
+Clipped clip(const std::array<Vec3f, 3>& corners, const Bounds3f& cell) {
+  Clipped result{};
+  result.box = {};
+  for (const Vec3f& corner : corners) {
+    result.box.extend(corner);
+    result.polygon.add(Vec3d(corner));
+  }
+  result.margin = 0x1p-46 * double(result.box.magnitude());
+  for (int axis = 0; axis < 3; ++axis) {
+    if (result.box.lower[axis] < cell.lower[axis])
+      result.polygon = clip(result.polygon, axis, double(cell.lower[axis]) - result.margin, Keep::kAbove);
+    if (result.box.upper[axis] > cell.upper[axis])
+      result.polygon = clip(result.polygon, axis, double(cell.upper[axis]) + result.margin, Keep::kBelow);
+  }
+  return result;
+}
+
 float round_down(double x) {
   const auto nearest = float(x);
   return double(nearest) > x ? std::nextafter(nearest, -std::numeric_limits<float>::infinity()) : nearest;
@@ -51,19 +74,7 @@ float round_up(double x) {
 // polygon's box padded by e contains every P. P also lies in the triangle's box and in the cell; cutting with
 // these is what keeps an axis-aligned triangle flat.
 std::optional<Bounds3f> clip_triangle(const std::array<Vec3f, 3>& corners, const Bounds3f& cell) {
-  Bounds3f box;
-  Polygon polygon;
-  for (const Vec3f& corner : corners) {
-    box.extend(corner);
-    polygon.add(Vec3d(corner));
-  }
-  const double margin = 0x1p-46 * double(box.magnitude());
-  for (int axis = 0; axis < 3; ++axis) {
-    if (box.lower[axis] < cell.lower[axis])
-      polygon = clip(polygon, axis, double(cell.lower[axis]) - margin, Keep::kAbove);
-    if (box.upper[axis] > cell.upper[axis])
-      polygon = clip(polygon, axis, double(cell.upper[axis]) + margin, Keep::kBelow);
-  }
+  auto [box, margin, polygon] = clip(corners, cell);
   if (polygon.size == 0) return std::nullopt;
 
   Bounds3d tight;
@@ -74,6 +85,21 @@ std::optional<Bounds3f> clip_triangle(const std::array<Vec3f, 3>& corners, const
   }
   if (box.empty()) return std::nullopt;
   return box;
+}
+
+std::optional<Vec3d> inner_point(const std::array<Vec3f, 3>& corners, const Bounds3f& cell) {
+  const auto [box, margin, polygon] = clip(corners, cell);
+  if (polygon.size == 0) return std::nullopt;
+  Vec3d sum(0.0);
+  for (std::size_t i = 0; i < polygon.size; ++i) sum += polygon.corners[i];
+  const Vec3d mean = sum / double(polygon.size);
+  for (int axis = 0; axis < 3; ++axis) {
+    const bool inside = mean[axis] > double(cell.lower[axis]) + 4.0 * margin &&
+                        mean[axis] < double(cell.upper[axis]) - 4.0 * margin;
+    // A flat tree has flat cells; there the coordinate is that of the cell itself.
+    if (!inside && cell.lower[axis] < cell.upper[axis]) return std::nullopt;
+  }
+  return mean;
 }
 
 }  // namespace gridcast::blas

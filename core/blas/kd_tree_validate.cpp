@@ -2,15 +2,14 @@
 #include <string>
 
 #include "core/blas/kd_tree.h"
+#include "core/blas/kd_tree_clip.h"
 
 namespace gridcast::blas {
 namespace {
 
-/// Barycentric weights of the sample points: corners, edge midpoints, and points inside.
-constexpr double kSamples[][3] = {
-    {1, 0, 0},           {0, 1, 0},         {0, 0, 1},         {0.5, 0.5, 0},     {0, 0.5, 0.5},
-    {0.5, 0, 0.5},       {0.25, 0.25, 0.5}, {0.5, 0.25, 0.25}, {0.25, 0.5, 0.25}, {0.75, 0.125, 0.125},
-    {0.125, 0.75, 0.125}};
+/// Barycentric weights of the sample points: corners, edge midpoints and the middle.
+constexpr double kSamples[][3] = {{1, 0, 0},     {0, 1, 0},     {0, 0, 1},        {0.5, 0.5, 0},
+                                  {0, 0.5, 0.5}, {0.5, 0, 0.5}, {0.25, 0.25, 0.5}};
 
 Error wrong(std::size_t node, const std::string& what) {
   return {ErrorCode::kInternal, "the node " + what, "/nodes/" + std::to_string(node)};
@@ -89,8 +88,49 @@ class Validator {
         return Error{ErrorCode::kInternal, "a point of the triangle is in no leaf that lists it",
                      "/triangles/" + std::to_string(id)};
       }
+      const Status status = check_leaves_of(id);
+      if (!status) return status;
     }
     return ok_status();
+  }
+
+  /// No leaf whose cell the triangle enters beyond rounding may leave it out.
+  Status check_leaves_of(std::uint32_t id) {
+    struct Visit {
+      std::size_t node;
+      Bounds3f cell, box;
+    };
+    const auto corners = mesh_.corners(id);
+    std::vector<Visit> pending{{0, tree_.bounds, mesh_.triangle_bounds(id)}};
+    while (!pending.empty()) {
+      const auto [index, cell, box] = pending.back();
+      pending.pop_back();
+      const KdNode& node = tree_.nodes[index];
+      if (node.is_leaf()) {
+        if (!lists(node, id) && inner_point(corners, cell))
+          return wrong(index, "leaves out triangle " + std::to_string(id));
+        continue;
+      }
+      const int axis = node.axis();
+      Bounds3f below = cell;
+      Bounds3f above = cell;
+      below.upper[axis] = above.lower[axis] = node.plane();
+      const bool goes_below = box.lower[axis] < node.plane();
+      const bool goes_above = box.upper[axis] > node.plane();
+      auto visit = [&](std::size_t child, const Bounds3f& child_cell) {
+        const std::optional<Bounds3f> part =
+            goes_below && goes_above ? clip_triangle(corners, child_cell) : box;
+        if (part) pending.push_back({child, child_cell, *part});
+      };
+      if (goes_below) visit(index + 1, below);
+      if (goes_above) visit(node.second_child(), above);
+    }
+    return ok_status();
+  }
+
+  [[nodiscard]] bool lists(const KdNode& leaf, std::uint32_t id) const {
+    const auto first = tree_.references.begin() + leaf.first();
+    return std::find(first, first + leaf.count(), id) != first + leaf.count();
   }
 
   /// Whether a leaf whose closed cell holds `p` lists triangle `id`; both sides of a plane through `p`.
@@ -101,8 +141,7 @@ class Validator {
       pending_.pop_back();
       const KdNode& node = tree_.nodes[index];
       if (node.is_leaf()) {
-        const auto first = tree_.references.begin() + node.first();
-        if (std::find(first, first + node.count(), id) != first + node.count()) return true;
+        if (lists(node, id)) return true;
         continue;
       }
       const auto plane = double(node.plane());
