@@ -4,6 +4,8 @@
 
 #include "server/http_server.h"
 
+#include <mutex>
+#include <thread>
 #include <utility>
 
 #include <httplib.h>
@@ -121,8 +123,15 @@ class HttpServer::Edge final : public httplib::Server {
   }
 
   void stop_serving() {
+    const std::lock_guard lock(stop_mutex_);
     if (stopping_.exchange(true)) return;
-    stop();
+    // The library's own stop() does nothing before listen_after_bind() runs, and a signal may come that
+    // early.
+    const socket_t listening = svr_sock_.exchange(INVALID_SOCKET);
+    if (listening != INVALID_SOCKET) {
+      ::shutdown(listening, SHUT_RDWR);
+      ::close(listening);
+    }
     drain_ = std::thread([this] {
       const Clock::time_point until = Clock::now() + options_.drain;
       while (in_flight_ > 0 && Clock::now() < until)
@@ -132,7 +141,12 @@ class HttpServer::Edge final : public httplib::Server {
   }
 
   void join_drain() {
-    if (drain_.joinable()) drain_.join();
+    std::thread drain;
+    {
+      const std::lock_guard lock(stop_mutex_);
+      drain.swap(drain_);
+    }
+    if (drain.joinable()) drain.join();
   }
 
   [[nodiscard]] std::size_t in_flight() const { return in_flight_; }
@@ -201,6 +215,7 @@ class HttpServer::Edge final : public httplib::Server {
   std::atomic<std::size_t> body_bytes_{0};
   std::atomic<std::size_t> in_flight_{0};
   std::atomic<bool> stopping_{false};
+  std::mutex stop_mutex_;  ///< guards drain_
   std::thread drain_;
 };
 

@@ -230,6 +230,15 @@ TEST(HttpServer, stopping_cancels_what_does_not_finish) {
   EXPECT_EQ(server.last_reason(), CancelReason::kShutdown);
 }
 
+TEST(HttpServer, a_stop_that_comes_before_serving_is_not_lost) {
+  HttpServerOptions options;
+  options.port = 0;
+  HttpServer server(Router(), options, [](const RequestRecord&) {});
+  ASSERT_TRUE(server.bind());
+  server.stop();
+  server.serve();  // returns
+}
+
 TEST(HttpServer, a_port_in_use_is_an_error) {
   RunningServer server;
   HttpServerOptions options;
