@@ -16,7 +16,7 @@ import urllib.request
 from pathlib import Path
 
 YFOV_DEG = 35.0
-WIDTH_PX, HEIGHT_PX = 1280, 960
+WIDTH_PX, HEIGHT_PX = 1250, 800  # one ray a pixel is 1 M rays
 RAYS_TYPE = "application/vnd.gridcast.rays; dtype=float32; columns=6"
 HITS_TYPE = "application/vnd.gridcast.hits"
 VERTICES_TYPE = "application/vnd.gridcast.vertices; layout=whole"
@@ -63,14 +63,14 @@ def look_at(bounds):
     target = [(a + b) / 2 for a, b in zip(low, high)]
     radius = math.dist(low, high) / 2
     away = unit([0.55, 0.45, 1.0])
-    eye = add(target, away, 0.85 * radius / math.sin(math.radians(YFOV_DEG / 2)))
+    eye = add(target, away, 0.62 * radius / math.sin(math.radians(YFOV_DEG / 2)))
     return {"eye": eye, "target": target, "up": [0.0, 1.0, 0.0], "yfov_deg": YFOV_DEG}
 
 
 def camera_rays(camera, count):
     """About `count` camera rays as float32 [N, 6], row by row: the bytes of the request."""
     rows = max(1, round(math.sqrt(count * HEIGHT_PX / WIDTH_PX)))
-    columns = max(1, count // rows)
+    columns = max(1, round(count / rows))
     forward = unit(add(camera["target"], camera["eye"], -1.0))
     right = unit(cross(forward, camera["up"]))
     up = cross(right, forward)
@@ -152,10 +152,10 @@ def cast_and_render(client, scene, rays, camera, out, name):
 
 
 def print_table(rows):
-    print(f"\n  {'':22}" + "".join(f"{name:>14}" for name in rows))
+    print(f"\n  {'':22}" + "".join(f"{name:>20}" for name in rows))
     for key in next(iter(rows.values())):
         cells = [row[key] for row in rows.values()]
-        print(f"  {key:22}" + "".join(f"{c:14.2f}" if isinstance(c, float) else f"{c:>14}" for c in cells))
+        print(f"  {key:22}" + "".join(f"{c:20.2f}" if isinstance(c, float) else f"{c:>20}" for c in cells))
 
 
 def main():

@@ -3,16 +3,12 @@
 import json
 import subprocess
 import sys
-import sys
 
 import pytest
 
 import contract
 import models
 from conftest import ROOT
-
-sys.path.insert(0, str(ROOT / "proto/examples"))
-from run_examples import run_example  # noqa: E402
 
 EXAMPLES = sorted((ROOT / "proto/examples").glob("*.json"))
 
@@ -52,6 +48,10 @@ def test_the_contracts_requests_are_taken(client, stage, method, template, kind,
     assert 200 <= reply.status < 300, reply
     if template == "/v1/scenes":
         client.delete(reply.headers["location"])
+
+
+def test_there_are_examples():
+    assert EXAMPLES, "proto/examples is empty"
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
