@@ -162,7 +162,7 @@ def test_a_relative_buffer_is_read_and_one_outside_the_folder_is_not(run, tmp_pa
     (inside / "link.bin").symlink_to(tmp_path / "outside.bin")
     for uri, code in (("with%20space.bin", DONE), ("../outside.bin", FAILED), ("%2e%2e/outside.bin", FAILED),
                       (str(tmp_path / "outside.bin"), FAILED), (f"file://{tmp_path}/outside.bin", FAILED),
-                      ("missing.bin", FAILED)):
+                      ("link.bin", FAILED), ("missing.bin", FAILED)):
         document = inside / "scene.gltf"
         document.write_text(json.dumps(gltf | {"buffers": [{"byteLength": len(binary), "uri": uri}]}))
         done = run("info", document)

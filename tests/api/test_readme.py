@@ -1,0 +1,76 @@
+"""What the README shows is run: the curl examples against a real server, the C++ program on a file."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+
+import pytest
+
+import models
+from conftest import ROOT, find_binary
+from gridcast_client import read_columns
+from test_renders import read_png
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+MARK = "<!-- executed by tests/api/test_readme.py"
+
+
+def marked_blocks():
+    return re.findall(re.escape(MARK) + r"[^>]*-->\n```sh\n(.*?)```", README, re.DOTALL)
+
+
+def test_the_curl_examples_run(server, tmp_path):
+    (block,) = marked_blocks()
+    model = tmp_path / "model.glb"
+    model.write_bytes(models.row_of_spheres())
+    done = subprocess.run(["bash", "-euo", "pipefail", "-c", block], cwd=tmp_path, capture_output=True, text=True,
+                          timeout=60, check=False, env=os.environ | {"URL": server.url, "MODEL": str(model)})
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert block.count("curl ") == 8
+    assert read_png((tmp_path / "picture.png").read_bytes()).shape[:2] == (240, 320)
+    columns = read_columns((tmp_path / "hits.bin").read_bytes())[0]
+    assert columns["status"].tolist() == [1] and columns["t"][0] == pytest.approx(899, abs=0.01)
+    answers, text = [], done.stdout
+    while text:
+        answer, end = json.JSONDecoder().raw_decode(text)
+        answers.append(answer)
+        text = text[end:]
+    assert answers[1]["status"] == [1, 0] and answers[1]["t"][1] is None
+    assert answers[3]["action"] in ("refit", "rebuild") and answers[3]["scene_version"] == "3"
+
+
+def test_the_program_links_core_alone_and_finds_a_hit(tmp_path):
+    program = find_binary().parent / "readme_program"
+    if not program.exists():
+        pytest.fail(f"{program} is not built")
+    model = tmp_path / "model.glb"
+    model.write_bytes(models.one_box())
+    done = subprocess.run([program, model], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0 and done.stdout.startswith("t ") and "instance 0" in done.stdout, done
+    linked = subprocess.run(["ldd", program], capture_output=True, text=True, check=True).stdout
+    for library in ("httplib", "prometheus", "spdlog"):
+        assert library not in linked
+    assert subprocess.run([program, tmp_path / "none.glb"], capture_output=True, check=False).returncode == 1
+
+
+def test_every_link_of_the_documents_leads_somewhere():
+    for document in ("README.md", "SECURITY.md", "core/README.md"):
+        path = ROOT / document
+        for target in re.findall(r"\]\(([^)#]+)\)", path.read_text(encoding="utf-8")):
+            assert target.startswith("http") or (path.parent / target).exists(), (document, target)
+
+
+def test_the_subcommands_of_the_table_are_the_programs():
+    text = subprocess.run([find_binary(), "--help"], capture_output=True, text=True, check=True).stdout
+    for command in re.findall(r"^\| `gridcast (\w+)`", README, re.MULTILINE):
+        assert re.search(rf"^\s+{command}\s", text, re.MULTILINE), command
+
+
+def test_the_two_commands_explain_themselves():
+    for command in ("server/demo.sh", "tests/run.sh"):
+        done = subprocess.run([ROOT / command, "--help"], capture_output=True, text=True, timeout=20, check=False)
+        assert done.returncode == 0 and done.stdout.startswith("usage: ")
+        assert subprocess.run([ROOT / command, "--wrong"], capture_output=True, timeout=20, check=False).returncode == 2
+    assert shutil.which("curl"), "the examples need curl"
