@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <numbers>
 
-#include <glm/common.hpp>
-
 namespace gridcast::render {
 namespace {
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include <glm/vec2.hpp>
+#include "core/math/vec.h"
 
 namespace gridcast::render {
 

@@ -1,7 +1,5 @@
 #include "core/render/sky.h"
 
-#include <glm/common.hpp>
-
 namespace gridcast::render {
 namespace {
 

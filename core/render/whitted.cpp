@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <optional>
 
-#include <glm/common.hpp>
-
 namespace gridcast::render {
 namespace {
 

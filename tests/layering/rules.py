@@ -29,7 +29,7 @@ TBB_USERS = ["core/mesh/", "core/blas/", "core/tlas/", "core/scene/", "core/rend
 
 # Where a third-party header may be included: first matching prefix of the name between < and >.
 THIRD_PARTY = {
-    "glm/": ["core/math/"],
+    "glm/": ["core/math/", "tests/"],
     "OpenMesh/": ["core/mesh/"],
     "embree3/": ["core/blas/embree_tree.cpp"],
     "embree4/": ["core/blas/embree_tree.cpp"],
@@ -37,8 +37,8 @@ THIRD_PARTY = {
     "oneapi/tbb/": TBB_USERS,
     "hwy/": ["core/blas/"],
     "tiny_gltf.h": ["core/io/"],
-    "draco/": ["core/io/"],
-    "meshoptimizer.h": ["core/io/"],
+    "draco/": ["core/io/", "tests/unit/io/"],
+    "meshoptimizer.h": ["core/io/", "tests/unit/io/"],
     "OpenEXR/": ["core/io/", "tests/unit/io/"],
     "Imath/": ["core/io/", "tests/unit/io/"],
     "Imf": ["core/io/", "tests/unit/io/"],
