@@ -57,8 +57,10 @@ inline constexpr std::size_t kMaxReferencesPerTriangle = 7;
 /// 2006), which is 42 for 2^26 triangles.
 inline constexpr std::size_t kMaxKdDepth = 42;
 
-/// One step to an inner node in units of kTriangleCost: one plane distance and a stack entry, less than the
-/// two box tests of a BVH.
-inline constexpr double kKdNodeCost = 0.3;
+/// One step to an inner node, in triangle tests: that of a BVH. One plane distance costs less than two box
+/// tests, but most triangle tests end at the first signs. Measured on a sphere of 327,680 triangles, a city
+/// of boxes and a soup: of 0.3, 1, 2, 4 and 8 this gave the fastest rays or close to it, and half the nodes
+/// of 0.3 on the soup.
+inline constexpr double kKdNodeCost = 2.0;
 
 }  // namespace gridcast::blas

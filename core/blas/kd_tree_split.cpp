@@ -84,7 +84,7 @@ void sweep(std::span<const KdReference> references, int axis, SweepMemory& memor
   }
 }
 
-constexpr std::size_t kBinCount = 64;
+constexpr std::size_t kBinCount = 32;
 
 /// Planes at equal distances over the references' common box, both ends included. Triangles that lie in
 /// an inner plane are counted on one side of it, which changes the estimate alone.
