@@ -45,7 +45,7 @@ struct SceneInfo {
 /// A bottom-level structure, in GET structure and in a mesh.
 struct MeshStructureInfo {
   std::uint32_t mesh_id = 0;
-  std::string kind;    ///< brute_force, bvh, kd_tree, embree
+  std::string kind;    ///< brute_force, bvh, wide_bvh, kd_tree, embree
   std::string reason;  ///< why this kind, as a sentence
   std::size_t triangle_count = 0;
   std::size_t node_count = 0;

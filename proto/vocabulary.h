@@ -7,8 +7,8 @@
 
 namespace gridcast::proto {
 
-inline constexpr std::array<std::string_view, 5> kStructureNames{"auto", "brute_force", "bvh", "kd_tree",
-                                                                 "embree"};
+inline constexpr std::array<std::string_view, 6> kStructureNames{"auto",     "brute_force", "bvh",
+                                                                 "wide_bvh", "kd_tree",     "embree"};
 inline constexpr std::array<std::string_view, 2> kPrecisionNames{"fast", "robust"};
 inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
 inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "depth", "normal", "id"};

@@ -9,6 +9,7 @@
 #include "core/blas/cost_model.h"
 #include "core/blas/embree_tree.h"
 #include "core/blas/kd_tree.h"
+#include "core/blas/wide_bvh.h"
 
 namespace gridcast::blas {
 namespace {
@@ -64,6 +65,9 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
       break;
     case StructureKind::kBvh:
       status = store(blas.structure_, Bvh::build(*mesh, options.split, stop));
+      break;
+    case StructureKind::kWideBvh:
+      status = store(blas.structure_, WideBvh::build(*mesh, stop));
       break;
     case StructureKind::kKdTree:
       status = store(blas.structure_, KdTree::build(*mesh, stop));

@@ -19,14 +19,15 @@ namespace gridcast::blas {
 
 class BruteForce;
 class Bvh;
+class WideBvh;
 class KdTree;
 class EmbreeTree;
 
 /// kAuto picks by a stated cost model: brute force for a handful of triangles, else a BVH.
-enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kKdTree, kEmbree };
+enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kWideBvh, kKdTree, kEmbree };
 enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
 
-/// Names used on the wire and the command line: auto, brute_force, bvh, kd_tree, embree.
+/// Names used on the wire and the command line: auto, brute_force, bvh, wide_bvh, kd_tree, embree.
 [[nodiscard]] std::string_view to_string(StructureKind kind);
 [[nodiscard]] Result<StructureKind> parse_structure_kind(std::string_view name);
 /// midpoint, median, sah.
@@ -88,7 +89,8 @@ class Blas {
 
  private:
   using Structure = std::variant<std::shared_ptr<const BruteForce>, std::shared_ptr<const Bvh>,
-                                 std::shared_ptr<const KdTree>, std::shared_ptr<const EmbreeTree>>;
+                                 std::shared_ptr<const WideBvh>, std::shared_ptr<const KdTree>,
+                                 std::shared_ptr<const EmbreeTree>>;
   Blas() = default;
   void add_structure_stats();
 

@@ -16,6 +16,11 @@ inline constexpr double kTriangleCost = 1.0;
 /// triangles: of 0.6, 1 and 2 the last gave the fastest rays, the fastest build and the smallest tree.
 inline constexpr double kNodeCost = 2.0;
 
+/// One step to a node of eight children, and one block of four triangles with the one in a few that needs
+/// the test in double.
+inline constexpr double kWideNodeCost = 2.0;
+inline constexpr double kBlockCost = 0.8;
+
 /// kAuto takes brute force up to here. The best tree over n triangles still costs one node, and as the boxes
 /// of both halves of a surface cover most of the whole, some 0.7 n tests: 2 + 5.6 against 8. There is nothing
 /// to win that would pay for a build, a refit and a second allocation.

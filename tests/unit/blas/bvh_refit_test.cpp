@@ -79,24 +79,28 @@ TEST(BvhRefit, moving_one_vertex_out_of_the_box_is_caught_and_then_healed) {
   EXPECT_TRUE(bvh->validate(mesh).ok()) << "the old tree must stay as it was";
 }
 
+void expect_refits_answer_like_rebuilds(const TriangleMesh& mesh, StructureKind kind, std::uint64_t seed) {
+  Blas blas = Blas::build(test::share(mesh), {kind}).value();
+  auto frames = std::vector<std::shared_ptr<const TriangleMesh>>();
+  for (const Deformation& deformation : deformations()) frames.push_back(moved(mesh, deformation.move));
+  frames.push_back(shuffled(mesh, seed));
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    SCOPED_TRACE(i < deformations().size() ? deformations()[i].name : "shuffle");
+    blas = blas.refit(frames[i]).value();  // frame after frame, never from the start
+    const Status status = blas.validate();
+    ASSERT_TRUE(status.ok()) << status.error().where << status.error().message;
+    expect_same_answers(blas, Blas::build(frames[i], {kind}).value(), seed);
+    EXPECT_TRUE(std::isfinite(blas.stats().cost));
+  }
+}
+
 TEST(BvhRefit, answers_are_those_of_a_rebuilt_tree_after_every_deformation) {
   const std::uint64_t seed = test::seed_or(41);
   for (const TriangleMesh& mesh : {test::torus(40, 20), test::needle_fan(400)}) {
-    const auto start = test::share(mesh);
-    Blas blas = Blas::build(start, {StructureKind::kBvh}).value();
-    for (const Deformation& deformation : deformations()) {
-      SCOPED_TRACE(deformation.name);
-      const auto frame = moved(mesh, deformation.move);
-      blas = blas.refit(frame).value();  // frame after frame, never from the start
-      const Status status = blas.validate();
-      ASSERT_TRUE(status.ok()) << status.error().where << status.error().message;
-      expect_same_answers(blas, Blas::build(frame, {StructureKind::kBvh}).value(), seed);
-      EXPECT_TRUE(std::isfinite(blas.stats().cost));
+    for (const StructureKind kind : {StructureKind::kBvh, StructureKind::kWideBvh}) {
+      SCOPED_TRACE(to_string(kind));
+      expect_refits_answer_like_rebuilds(mesh, kind, seed);
     }
-    const auto frame = shuffled(mesh, seed);
-    blas = blas.refit(frame).value();
-    ASSERT_TRUE(blas.validate().ok());
-    expect_same_answers(blas, Blas::build(frame, {StructureKind::kBvh}).value(), seed);
   }
 }
 

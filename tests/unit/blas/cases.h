@@ -25,6 +25,7 @@ inline std::vector<StructureCase> structure_cases() {
       {"bvh_midpoint", {StructureKind::kBvh, BvhSplit::kMidpoint}},
       {"bvh_median", {StructureKind::kBvh, BvhSplit::kMedian}},
       {"bvh_sah", {StructureKind::kBvh, BvhSplit::kBinnedSah}},
+      {"wide_bvh", {StructureKind::kWideBvh}},
       {"kd_tree", {StructureKind::kKdTree}},
       {"embree", {StructureKind::kEmbree}},
   };

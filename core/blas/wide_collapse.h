@@ -1,0 +1,49 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "core/blas/bvh_node.h"
+
+namespace gridcast::blas {
+
+/// One slot of a wide node before it is laid out: a subtree of the binary tree, as a wide node or as a leaf.
+struct WideSlot {
+  std::uint32_t binary_node;
+  bool leaf;
+};
+
+/// How to turn a binary tree into one of eight children at the least surface-area cost.
+/// "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", H. Ylitie, 2017: cost(n, k) is
+/// the least cost of covering the subtree of n with at most k slots. Unlike the paper leaves cost by blocks
+/// of four.
+class WideCollapse {
+ public:
+  explicit WideCollapse(const BvhTree& tree);
+
+  /// The slots of the wide node that stands for the binary inner node `node`.
+  [[nodiscard]] std::vector<WideSlot> slots(std::uint32_t node) const;
+  /// Whether the whole subtree is best kept as one leaf.
+  [[nodiscard]] bool is_leaf(std::uint32_t node) const { return leaf_[node] != 0; }
+  /// Triangles below `node`, contiguous in the tree's primitive order from first_primitive().
+  [[nodiscard]] std::uint32_t primitive_count(std::uint32_t node) const { return count_[node]; }
+  [[nodiscard]] std::uint32_t first_primitive(std::uint32_t node) const { return first_[node]; }
+
+ private:
+  static constexpr int kSlots = 8;
+  /// cost_[n][k - 1] with k slots, k = 1 .. 7.
+  using Costs = std::array<float, kSlots - 1>;
+
+  void solve(std::uint32_t node);
+  [[nodiscard]] int best_left(std::uint32_t node, int slots) const;
+  void gather(std::uint32_t node, int slots, std::vector<WideSlot>& out) const;
+
+  const BvhTree& tree_;
+  std::vector<Costs> cost_;
+  std::vector<std::uint32_t> count_;
+  std::vector<std::uint32_t> first_;
+  std::vector<std::uint8_t> leaf_;
+};
+
+}  // namespace gridcast::blas
