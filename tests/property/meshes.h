@@ -31,7 +31,7 @@ inline std::size_t ray_count(std::size_t standard) {
 /// mesh: still right, but a hundredth of the rays has to do.
 inline std::size_t affordable(const TriangleMesh& mesh, std::size_t rays) {
   const Bounds3d bounds = to_double(mesh.bounds());
-  const bool culls = bounds.magnitude() * 0x1p-17 < max_abs(bounds.extent()) / 64.0;
+  const bool culls = bounds.magnitude() * 0x1p-17 + 0x1p-100 < max_abs(bounds.extent()) / 64.0;
   return culls ? rays : std::max<std::size_t>(20, rays / 100);
 }
 
