@@ -14,7 +14,7 @@ namespace {
 using proto::Problem;
 using proto::ProblemCode;
 
-constexpr std::size_t kReceiveBytes = 256 * 1024;
+constexpr std::size_t kReceiveBytes = std::size_t(256) << 10;
 // A chunk's size in hexadecimal digits and its extensions; trailers are bounded the same way.
 constexpr std::size_t kMaxChunkLine = 256;
 constexpr std::chrono::milliseconds kSlice{100};  // how often an idle connection looks whether to stop

@@ -75,7 +75,7 @@ std::optional<Problem> Exchange::prepare(HttpRequest& request, const Route*& rou
   request.request_id = record_.request_id;
   for (const auto& [name, value] : head_.headers) {
     std::string& joined = request.headers[name];
-    joined = joined.empty() ? value : joined + ", " + value;
+    joined.append(joined.empty() ? "" : ", ").append(value);
   }
   Router::Match match = shared_.router.match(request.method, request.path);
   route = match.route;

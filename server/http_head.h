@@ -14,7 +14,7 @@
 
 namespace gridcast::server {
 
-inline constexpr std::size_t kMaxHeadBytes = 16 * 1024;
+inline constexpr std::size_t kMaxHeadBytes = std::size_t(16) << 10;
 inline constexpr std::size_t kMaxHeaders = 100;
 inline constexpr std::size_t kMaxTargetBytes = 4096;
 

@@ -84,7 +84,8 @@ std::string plain_answer(const proto::Problem& problem) {
   const HttpResponse response = problem_response(problem);
   std::string text = "HTTP/1.1 " + std::to_string(response.status) + " " +
                      std::string(proto::describe(problem.code).title) + "\r\n";
-  for (const auto& [name, value] : response.headers) text += name + ": " + value + "\r\n";
+  for (const auto& [name, value] : response.headers)
+    text.append(name).append(": ").append(value).append("\r\n");
   return text + "Content-Type: " + response.content_type +
          "\r\nContent-Length: " + std::to_string(response.body.size()) + "\r\nConnection: close\r\n\r\n" +
          response.body;

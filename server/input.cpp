@@ -12,11 +12,11 @@ namespace {
 
 Result<std::string> read_standard_input(std::size_t max_bytes, const std::stop_token& stop) {
   constexpr std::size_t kPiece = std::size_t(1) << 20;
-  constexpr int kLook_ms = 100;  // how often Ctrl-C is looked at while nothing comes
+  constexpr int kLookMs = 100;  // how often Ctrl-C is looked at while nothing comes
   std::string text;
   while (!stop.stop_requested()) {
     pollfd entry{STDIN_FILENO, POLLIN, 0};
-    if (::poll(&entry, 1, kLook_ms) == 0) continue;
+    if (::poll(&entry, 1, kLookMs) == 0) continue;
     const std::size_t before = text.size();
     text.resize(before + kPiece);
     const ssize_t n = ::read(STDIN_FILENO, text.data() + before, kPiece);

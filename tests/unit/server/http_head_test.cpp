@@ -52,7 +52,7 @@ TEST(HttpHead, what_parsers_disagree_about_is_refused) {
         "GET / HTTP/2.0\r\nHost: x\r\n\r\n", "GET http://a/ HTTP/1.1\r\nHost: x\r\n\r\n",
         "GET / HTTP/1.1\r\nHost: x\r\nA: b\x7f\r\n\r\n"})
     EXPECT_EQ(refusal(text), ProblemCode::kInvalidRequest) << text;
-  EXPECT_EQ(refusal(std::string("GET / HTTP/1.1\r\nHost: x\r\nA: b\0c\r\n\r\n", 40)),
+  EXPECT_EQ(refusal(std::string("GET / HTTP/1.1\r\nHost: x\r\nA: b") + '\0' + "c\r\n\r\n"),
             ProblemCode::kInvalidRequest);
 }
 
