@@ -34,7 +34,7 @@ Choice choose(StructureKind asked, std::size_t triangles) {
     return {StructureKind::kBruteForce, std::to_string(triangles) + " triangles: up to " + limit +
                                             " a tree saves nothing that pays for it"};
   }
-  return {StructureKind::kBvh,
+  return {StructureKind::kWideBvh,
           std::to_string(triangles) + " triangles: more than the " + limit + " that need no tree"};
 }
 

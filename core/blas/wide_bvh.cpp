@@ -114,7 +114,7 @@ Result<std::shared_ptr<const WideBvh>> WideBvh::build(const mesh::TriangleMesh& 
   });
   BvhBuildConfig config;
   config.max_leaf_size = 2;
-  Result<BvhTree> tree = build_bvh(std::move(references), config, stop);
+  Result<BvhTree> tree = build_bvh(std::move(references), config, std::move(stop));
   if (!tree) return tree.error();
   Layout(*tree, wide->nodes_, wide->blocks_).run();
   load_all_corners(mesh, wide->blocks_);

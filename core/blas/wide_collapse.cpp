@@ -23,7 +23,7 @@ void WideCollapse::solve(std::uint32_t node) {
   const double area = hit_probability(n.bounds(), tree_.nodes[0].bounds());
   count_[node] = n.leaf() ? n.count : count_[n.first] + count_[n.first + 1];
   first_[node] = n.leaf() ? n.first : std::min(first_[n.first], first_[n.first + 1]);
-  const double blocks = double((count_[node] + 3) / 4);
+  const std::uint32_t blocks = (count_[node] + 3) / 4;
   const double as_leaf = count_[node] <= kMaxWideLeaf ? area * (kBlockCost / kWideNodeCost) * blocks
                                                       : std::numeric_limits<double>::infinity();
   Costs& cost = cost_[node];
