@@ -3,8 +3,8 @@
 namespace gridcast::io {
 
 Status check_layer(const render::Film& film, const render::Layer& layer) {
-  if (film.width_px < 1 || film.height_px < 1 || film.width_px > render::kMaxSide_px ||
-      film.height_px > render::kMaxSide_px) {
+  if (film.width_px < 1 || film.height_px < 1 || film.width_px > render::kMaxSidePx ||
+      film.height_px > render::kMaxSidePx) {
     return Error{ErrorCode::kInvalidArgument, "a picture must have 1 to 16384 pixels a side", ""};
   }
   const std::size_t pixels = std::size_t(film.width_px) * std::size_t(film.height_px);

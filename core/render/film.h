@@ -15,7 +15,7 @@ struct Layer {
 };
 
 /// Largest side of a picture.
-inline constexpr int kMaxSide_px = 16384;
+inline constexpr int kMaxSidePx = 16384;
 
 /// A finished picture. Colour is linear, scene-referred and includes the background; alpha is the share of
 /// the pixel that geometry covers. Depth is t in metres along the unit ray, +inf for background; normals are

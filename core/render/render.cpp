@@ -172,9 +172,9 @@ Error out_of_range(std::string message, std::string where) {
 }  // namespace
 
 Status validate(const RenderSettings& settings) {
-  if (settings.width_px < 1 || settings.width_px > kMaxSide_px)
+  if (settings.width_px < 1 || settings.width_px > kMaxSidePx)
     return out_of_range("the width must be 1 to 16384 pixels", "/width_px");
-  if (settings.height_px < 1 || settings.height_px > kMaxSide_px)
+  if (settings.height_px < 1 || settings.height_px > kMaxSidePx)
     return out_of_range("the height must be 1 to 16384 pixels", "/height_px");
   if (settings.samples < 1 || settings.samples > kMaxSamples)
     return out_of_range("there must be 1 to 4096 samples per pixel", "/samples");
