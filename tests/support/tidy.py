@@ -5,7 +5,7 @@ usage: tidy.py BUILD_DIR
 
 A file that passed is remembered in BUILD_DIR/tidy under a hash of everything of ours it is made of, and is not
 looked at again until one of these changes: its text, a header of ours it includes (directly or not), its
-compiler flags, .clang-tidy, or the version of clang-tidy. Prints the findings and exits 1 when there are any.
+compiler flags, a .clang-tidy, or the version of clang-tidy. Prints the findings and exits 1 when there are any.
 """
 
 import hashlib
@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+CONFIGS = [ROOT / ".clang-tidy", ROOT / "tests/.clang-tidy"]
 QUOTED = re.compile(r'^\s*#\s*include\s*"([^"]+)"', re.MULTILINE)
 
 
@@ -58,7 +59,7 @@ def main():
     remembered = build / "tidy"
     remembered.mkdir(parents=True, exist_ok=True)
     version = subprocess.run(["clang-tidy", "--version"], capture_output=True, check=True).stdout
-    base = version + (ROOT / ".clang-tidy").read_bytes()
+    base = version + b"".join(path.read_bytes() for path in CONFIGS)
     waiting, total = [], 0
     for entry in json.loads((build / "compile_commands.json").read_text(encoding="utf-8")):
         source = Path(entry["file"])
