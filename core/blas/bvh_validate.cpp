@@ -22,7 +22,7 @@ class Validator {
     while (!pending_.empty()) {
       const Visit visit = pending_.back();
       pending_.pop_back();
-      const Status status = nodes_[visit.node].leaf() ? leaf(visit.node) : inner(visit);
+      Status status = nodes_[visit.node].leaf() ? leaf(visit.node) : inner(visit);
       if (!status) return status;
     }
     for (std::size_t i = 0; i < nodes_.size(); ++i)

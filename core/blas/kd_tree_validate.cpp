@@ -46,7 +46,7 @@ class Validator {
       if (node.is_leaf()) {
         if (node.first() != expected_reference) return wrong(visit.node, "lists references out of order");
         expected_reference += node.count();
-        const Status status = check_leaf(visit.node, node);
+        Status status = check_leaf(visit.node, node);
         if (!status) return status;
         continue;
       }
@@ -88,7 +88,7 @@ class Validator {
         return Error{ErrorCode::kInternal, "a point of the triangle is in no leaf that lists it",
                      "/triangles/" + std::to_string(id)};
       }
-      const Status status = check_leaves_of(id);
+      Status status = check_leaves_of(id);
       if (!status) return status;
     }
     return ok_status();
@@ -117,9 +117,9 @@ class Validator {
       below.upper[axis] = above.lower[axis] = node.plane();
       const bool goes_below = box.lower[axis] < node.plane();
       const bool goes_above = box.upper[axis] > node.plane();
-      auto visit = [&](std::size_t child, const Bounds3f& child_cell) {
+      auto visit = [&, whole = box](std::size_t child, const Bounds3f& child_cell) {
         const std::optional<Bounds3f> part =
-            goes_below && goes_above ? clip_triangle(corners, child_cell) : box;
+            goes_below && goes_above ? clip_triangle(corners, child_cell) : whole;
         if (part) pending.push_back({child, child_cell, *part});
       };
       if (goes_below) visit(index + 1, below);

@@ -31,7 +31,7 @@ bool read_sizes(draco::DecoderBuffer buffer, DracoSizes& sizes) {
       !buffer.Decode(&flags))
     return false;
   if (kind != 1 || major != 2 || minor != 2) return false;
-  buffer.set_bitstream_version(DRACO_BITSTREAM_VERSION(major, minor));
+  buffer.set_bitstream_version(std::uint16_t(DRACO_BITSTREAM_VERSION(major, minor)));
   if ((flags & kMetadataFlag) != 0) return false;
   std::uint32_t faces = 0, points = 0;
   if (method == kSequential) {

@@ -22,7 +22,7 @@ struct KeptMembers {
 };
 
 const std::array<KeptMembers, 9>& kept_members() {
-  static const std::array<KeptMembers, 9> kKept = {{
+  static const std::array<KeptMembers, 9> kept = {{
       {"accessors", {"bufferView", "byteOffset", "componentType", "count", "normalized", "sparse", "type"}},
       {"animations", {"channels", "name", "samplers"}},
       {"bufferViews", {"buffer", "byteLength", "byteOffset", "byteStride", "extensions"}},
@@ -35,7 +35,7 @@ const std::array<KeptMembers, 9>& kept_members() {
       {"scenes", {"name", "nodes"}},
       {"skins", {"inverseBindMatrices", "joints", "name", "skeleton"}},
   }};
-  return kKept;
+  return kept;
 }
 
 constexpr std::array<std::string_view, 9> kKeptExtensions = {

@@ -9,7 +9,7 @@ namespace gridcast::render {
 namespace {
 
 // The pilot picture's longer side: enough for a percentile, a thousandth of a real picture's cost.
-constexpr int kPilotSide_px = 64;
+constexpr int kPilotSidePx = 64;
 constexpr float kTargetLevel = 0.5F;
 constexpr double kPercentile = 0.75;
 // Unlit surfaces are darker than this in the pilot: their colour is divided by its huge exposure.
@@ -19,8 +19,8 @@ constexpr float kFillShare = 0.33F;
 std::vector<float> pilot_luminances(const scene::Scene& scene, const RenderSettings& settings,
                                     const Lighting& lights) {
   const int longer = std::max(settings.width_px, settings.height_px);
-  const int width = std::max(1, settings.width_px * kPilotSide_px / longer);
-  const int height = std::max(1, settings.height_px * kPilotSide_px / longer);
+  const int width = std::max(1, settings.width_px * kPilotSidePx / longer);
+  const int height = std::max(1, settings.height_px * kPilotSidePx / longer);
   const Whitted whitted(scene, lights, settings.precision, 0);
   std::vector<float> luminances;
   for (int y = 0; y < height; ++y) {

@@ -18,7 +18,7 @@ namespace {
 
 // Neighbouring pixels share nodes in the cache; 16 x 16 of them are a few hundred microseconds of work, so
 // cores stay busy to the end and a stop request is seen soon.
-constexpr int kTileSide_px = 16;
+constexpr int kTileSidePx = 16;
 
 constexpr int kMaxSamples = 4096;
 constexpr int kMaxDepth = 64;
@@ -194,17 +194,17 @@ Result<Film> render(const scene::Scene& scene, const RenderSettings& settings, s
   film.exposure = lighting.exposure;
   const Painter painter(scene, settings, lighting, film);
 
-  const int columns = (film.width_px + kTileSide_px - 1) / kTileSide_px;
-  const int rows = (film.height_px + kTileSide_px - 1) / kTileSide_px;
+  const int columns = (film.width_px + kTileSidePx - 1) / kTileSidePx;
+  const int rows = (film.height_px + kTileSidePx - 1) / kTileSidePx;
   const std::size_t tiles = std::size_t(columns) * std::size_t(rows);
   Progress done(tiles, progress);
   std::atomic<bool> cancelled{false};
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tiles, 1), [&](const auto& range) {
     for (std::size_t tile = range.begin(); tile != range.end(); ++tile) {
-      const int left = int(tile % std::size_t(columns)) * kTileSide_px;
-      const int top = int(tile / std::size_t(columns)) * kTileSide_px;
-      for (int y = top; y < std::min(top + kTileSide_px, film.height_px); ++y) {
-        for (int x = left; x < std::min(left + kTileSide_px, film.width_px); ++x) {
+      const int left = int(tile % std::size_t(columns)) * kTileSidePx;
+      const int top = int(tile / std::size_t(columns)) * kTileSidePx;
+      for (int y = top; y < std::min(top + kTileSidePx, film.height_px); ++y) {
+        for (int x = left; x < std::min(left + kTileSidePx, film.width_px); ++x) {
           // At every pixel, not only at every tile: a pixel of 4096 samples takes long.
           if (stop.stop_requested()) cancelled = true;
           if (cancelled) return;
@@ -221,8 +221,8 @@ Result<Film> render(const scene::Scene& scene, const RenderSettings& settings, s
 scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio) {
   for (const scene::Camera& camera : scene.data().cameras)
     if (is_usable(camera) && shows_something(scene, camera)) return camera;
-  constexpr double kFieldOfView_rad = 0.7;
-  return frame(scene.bounds(), kFieldOfView_rad, aspect_ratio);
+  constexpr double kFieldOfViewRad = 0.7;
+  return frame(scene.bounds(), kFieldOfViewRad, aspect_ratio);
 }
 
 }  // namespace gridcast::render
