@@ -97,14 +97,14 @@ std::vector<std::byte> to_bytes(const std::string& text) {
 }
 
 std::string to_base64(std::span<const std::byte> bytes) {
-  static const std::string kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  static const std::string digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
   std::string text;
   for (std::size_t i = 0; i < bytes.size(); i += 3) {
     std::uint32_t group = 0;
     for (std::size_t k = 0; k < 3; ++k)
       group = (group << 8) | (i + k < bytes.size() ? std::uint32_t(bytes[i + k]) : 0U);
     for (std::size_t k = 0; k < 4; ++k)
-      text += i + k <= bytes.size() ? kDigits[(group >> (18 - 6 * k)) & 63] : '=';
+      text += i + k <= bytes.size() ? digits[(group >> (18 - 6 * k)) & 63] : '=';
   }
   return text;
 }

@@ -30,6 +30,7 @@ inline std::vector<StructureCase> structure_cases() {
       {"embree", {StructureKind::kEmbree}},
   };
 }
+// NOLINTNEXTLINE(readability-identifier-naming): the name GoogleTest looks for
 inline void PrintTo(const StructureCase& structure, std::ostream* out) {
   *out << structure.name;
 }

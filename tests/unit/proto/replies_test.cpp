@@ -29,7 +29,7 @@ TEST(Replies, members_are_those_of_the_contract) {
   MeshInfo mesh;
   expect_members(to_json(std::vector<MeshInfo>{mesh}, 3), "MeshList");
   EXPECT_FALSE(Json::parse(to_json(std::vector<MeshInfo>{mesh}, 3))["meshes"][0].contains("topology"));
-  mesh.topology.emplace();
+  mesh.topology = MeshInfo::Topology();
   expect_members(to_json(mesh, 3), "MeshReply");
   expect_members(Json::parse(to_json(mesh, 3)).at("structure").dump(), "MeshStructure");
   expect_members(Json::parse(to_json(mesh, 3)).at("topology").dump(), "Topology");
