@@ -10,6 +10,7 @@
 
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
+#include "core/blas/triangle_block.h"
 
 namespace gridcast::blas {
 
@@ -33,18 +34,6 @@ struct alignas(64) WideNode {
 };
 static_assert(sizeof(WideNode) == 256);
 
-/// Four triangles as columns, so that one load gives a coordinate of all four. A block that is not full
-/// repeats its last triangle: testing one twice changes nothing.
-struct alignas(32) TriangleBlock {
-  float corners[3][3][4];  ///< [corner][axis][lane]
-  std::uint32_t ids[4];
-
-  [[nodiscard]] Vec3f corner(int number, std::size_t lane) const {
-    return {corners[number][0][lane], corners[number][1][lane], corners[number][2][lane]};
-  }
-};
-static_assert(sizeof(TriangleBlock) == 160);
-
 /// A child link: an inner node's index, or a leaf of one or two consecutive blocks.
 namespace wide_child {
 inline constexpr std::uint32_t kLeafBit = 1U << 31;
@@ -65,7 +54,6 @@ inline std::uint32_t leaf(std::uint32_t first_block, std::uint32_t blocks) {
 }  // namespace wide_child
 
 using WideNodes = std::vector<WideNode, oneapi::tbb::cache_aligned_allocator<WideNode>>;
-using TriangleBlocks = std::vector<TriangleBlock, oneapi::tbb::cache_aligned_allocator<TriangleBlock>>;
 
 /// Leaves hold at most two blocks.
 inline constexpr std::size_t kMaxWideLeaf = 8;

@@ -7,8 +7,8 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "core/blas/block_filter-inl.h"
 #include "core/blas/wide_bvh.h"
-#include "core/mesh/triangle_test.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::blas::HWY_NAMESPACE {
@@ -28,23 +28,19 @@ inline std::int64_t entry(float s_enter, std::uint32_t link) {
 /// The ray spread over lanes, and which planes are near.
 struct WideRay {
   using D8 = hn::CappedTag<float, 8>;
-  using D4 = hn::CappedTag<float, 4>;
 
-  explicit HWY_INLINE WideRay(const mesh::ObjectRay& r) : ray(r) {
+  explicit HWY_INLINE WideRay(const mesh::ObjectRay& r) : ray(r), block(r) {
     for (int axis = 0; axis < 3; ++axis) {
       const int negative = r.inverse_direction[axis] >= 0.F ? 0 : 1;
       near_plane[axis] = (negative * 3 + axis) * 8;
       far_plane[axis] = ((1 - negative) * 3 + axis) * 8;
     }
-    shear_x = float(r.shear_x);
-    shear_y = float(r.shear_y);
-    sign_z = r.cull_direction[r.kz] >= 0.F ? 1.F : -1.F;
   }
 
   const mesh::ObjectRay& ray;
+  BlockRay block;
   int near_plane[3];
   int far_plane[3];
-  float shear_x, shear_y, sign_z;
 };
 
 /// Slab test of all eight slots: sets s_enter of each, returns a bit per slot that may be hit.
@@ -70,74 +66,6 @@ HWY_INLINE std::uint32_t enter_children(const WideNode& node, const WideRay& r, 
     hits |= std::uint32_t(bits[0]) << i;
   }
   return hits;
-}
-
-/// Which of the four triangles the ray may hit before s_far: the edge functions of the sheared triangle in
-/// float, against a bound of their rounding.
-///
-/// With q = 2^-24 and S as in ObjectRay::pad = 32 q S, a sheared coordinate is off by at most 8 q S = pad / 4
-/// =: e (origin, difference, shear, product, difference), an edge function with largest coordinate m then by
-/// less than 8 e (m + e), as in triangle_test.cpp. `fast` accepts points up to 12 q S = 1.5 e beside the
-/// triangle, which moves an edge function by at most 1.5 e * 2.9 m more; twice the bound covers both.
-template <Precision kPrecision>
-HWY_INLINE std::uint32_t filter_block(const TriangleBlock& block, const WideRay& r, float s_far) {
-  const WideRay::D4 d;
-  const mesh::ObjectRay& ray = r.ray;
-  const auto ox = hn::Set(d, ray.cull_origin[ray.kx]);
-  const auto oy = hn::Set(d, ray.cull_origin[ray.ky]);
-  const auto oz = hn::Set(d, ray.cull_origin[ray.kz]);
-  const auto shear_x = hn::Set(d, r.shear_x);
-  const auto shear_y = hn::Set(d, r.shear_y);
-
-  const auto az = hn::Sub(hn::Load(d, block.corners[0][ray.kz]), oz);
-  const auto bz = hn::Sub(hn::Load(d, block.corners[1][ray.kz]), oz);
-  const auto cz = hn::Sub(hn::Load(d, block.corners[2][ray.kz]), oz);
-  const auto ax = hn::NegMulAdd(shear_x, az, hn::Sub(hn::Load(d, block.corners[0][ray.kx]), ox));
-  const auto bx = hn::NegMulAdd(shear_x, bz, hn::Sub(hn::Load(d, block.corners[1][ray.kx]), ox));
-  const auto cx = hn::NegMulAdd(shear_x, cz, hn::Sub(hn::Load(d, block.corners[2][ray.kx]), ox));
-  const auto ay = hn::NegMulAdd(shear_y, az, hn::Sub(hn::Load(d, block.corners[0][ray.ky]), oy));
-  const auto by = hn::NegMulAdd(shear_y, bz, hn::Sub(hn::Load(d, block.corners[1][ray.ky]), oy));
-  const auto cy = hn::NegMulAdd(shear_y, cz, hn::Sub(hn::Load(d, block.corners[2][ray.ky]), oy));
-
-  const auto u = hn::NegMulAdd(cy, bx, hn::Mul(cx, by));
-  const auto v = hn::NegMulAdd(ay, cx, hn::Mul(ax, cy));
-  const auto w = hn::NegMulAdd(by, ax, hn::Mul(bx, ay));
-  const auto largest = hn::Max(hn::Max(hn::Max(hn::Abs(ax), hn::Abs(bx)), hn::Max(hn::Abs(cx), hn::Abs(ay))),
-                               hn::Max(hn::Abs(by), hn::Abs(cy)));
-  const float e = 0.25F * ray.pad;
-  const auto bound =
-      hn::Mul(hn::Set(d, (kPrecision == Precision::kFast ? 16.F : 8.F) * e), hn::Add(largest, hn::Set(d, e)));
-  const auto lowest = hn::Min(u, hn::Min(v, w));
-  const auto highest = hn::Max(u, hn::Max(v, w));
-  // Overflow gives NaN or infinity, and then no comparison rejects.
-  const auto outside = hn::And(hn::Lt(lowest, hn::Neg(bound)), hn::Gt(highest, bound));
-
-  // Depths along the ray: the direction's z component is +-1 in the culling half.
-  const auto sign = hn::Set(d, r.sign_z);
-  const auto sa = hn::Mul(az, sign);
-  const auto sb = hn::Mul(bz, sign);
-  const auto sc = hn::Mul(cz, sign);
-  const auto beyond = hn::Gt(hn::Min(sa, hn::Min(sb, sc)), hn::Set(d, s_far + ray.pad));
-  const auto before = hn::Lt(hn::Max(sa, hn::Max(sb, sc)), hn::Set(d, ray.cull_near - ray.pad));
-  std::uint8_t bits[8] = {0};
-  hn::StoreMaskBits(d, hn::Or(outside, hn::Or(beyond, before)), bits);
-  return ~std::uint32_t(bits[0]) & 0xFU;
-}
-
-template <Precision kPrecision, bool kAnyHit>
-HWY_INLINE bool intersect_leaf(const TriangleBlock* block, std::uint32_t count, const WideRay& r, float s_far,
-                               Hit& best) {
-  bool replaced = false;
-  for (; count != 0; --count, ++block) {
-    for (std::uint32_t candidates = filter_block<kPrecision>(*block, r, s_far); candidates != 0;
-         candidates &= candidates - 1) {
-      const auto lane = std::uint32_t(__builtin_ctz(candidates));
-      replaced |= mesh::intersect_primitive<kPrecision>(r.ray, block->corner(0, lane), block->corner(1, lane),
-                                                        block->corner(2, lane), block->ids[lane], best);
-      if (kAnyHit && replaced) return true;
-    }
-  }
-  return replaced;
 }
 
 // The stack holds what is still to visit, nearest on top. Entries of one node are inserted in order.
@@ -185,7 +113,7 @@ HWY_INLINE bool traverse(const WideNode* nodes, const TriangleBlock* blocks, con
         continue;
       }
     } else if (intersect_leaf<kPrecision, kAnyHit>(blocks + wide_child::index(link),
-                                                   wide_child::block_count(link), r, s_far, best)) {
+                                                   wide_child::block_count(link), r.block, s_far, best)) {
       if constexpr (kAnyHit) return true;
       replaced = true;
       s_far = ray.cull_far(best.t);

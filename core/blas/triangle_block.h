@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <oneapi/tbb/cache_aligned_allocator.h>
+
+#include "core/math/vec.h"
+
+namespace gridcast::blas {
+
+/// Four triangles as columns, so that one load gives a coordinate of all four. A block that is not full
+/// repeats its last triangle: testing one twice changes nothing.
+struct alignas(32) TriangleBlock {
+  float corners[3][3][4];  ///< [corner][axis][lane]
+  std::uint32_t ids[4];
+
+  [[nodiscard]] Vec3f corner(int number, std::size_t lane) const {
+    return {corners[number][0][lane], corners[number][1][lane], corners[number][2][lane]};
+  }
+};
+static_assert(sizeof(TriangleBlock) == 160);
+
+using TriangleBlocks = std::vector<TriangleBlock, oneapi::tbb::cache_aligned_allocator<TriangleBlock>>;
+
+}  // namespace gridcast::blas
