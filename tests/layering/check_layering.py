@@ -91,8 +91,10 @@ def check_file(root, path, users):
     """The problems of one file; notes in `users` which files include each one-file library."""
     problems = []
     text = (root / path).read_text(encoding="utf-8")
-    if path.endswith((".h", ".hpp")) and "#pragma once" not in text:
-        problems.append(f"{path}:1: header without #pragma once")
+    # A kernel's inline header is read once per instruction set: its guard toggles.
+    guard = "HWY_TARGET_TOGGLE" if path.endswith("-inl.h") else "#pragma once"
+    if path.endswith((".h", ".hpp")) and guard not in text:
+        problems.append(f"{path}:1: header without {guard}")
     for number, quoted, name in includes_of(text):
         if name is None:
             problem = "computed #include"

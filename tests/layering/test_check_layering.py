@@ -56,6 +56,7 @@ VIOLATIONS = {
     "a_computed_include": ("core/math/a.cpp", "#include HEADER\n", "computed"),
     "an_include_with_spaces": ("core/math/a.cpp", '  #  include   "core/mesh/mesh.h"\n', "core/math/ may not"),
     "no_pragma_once": ("core/math/a.h", "#include <vector>\n", "without #pragma once"),
+    "no_toggling_guard": ("core/blas/a-inl.h", "#pragma once\n", "without HWY_TARGET_TOGGLE"),
     "a_file_too_long": ("core/math/a.cpp", "int x;\n" * 401, "at most 400"),
     "a_script_too_long": ("tests/api/a.py", "x = 1\n" * 401, "at most 400"),
     "a_ring_of_headers": ("core/math/vec.h", '#pragma once\n#include "core/math/vec.h"\n', "ring of headers"),
