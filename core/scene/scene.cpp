@@ -57,7 +57,7 @@ Status Scene::validate() const {
   for (std::uint32_t id = 0; id < instances_.size(); ++id) {
     const Instance& instance = instances_[id];
     const auto box =
-        instance.alive ? hit_box(instance.transform, blas(instance.mesh_id).bounds()) : tlas::InstanceBox{};
+        instance.alive ? hit_box(instance.transform, hull(instance.mesh_id)) : tlas::InstanceBox{};
     if (!(top_level_.box(id) == box))
       return Error{ErrorCode::kInternal, "the box in the top level is not that of the instance",
                    "/instances/" + std::to_string(id)};

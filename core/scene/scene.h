@@ -11,6 +11,7 @@
 #include "core/blas/blas.h"
 #include "core/math/affine.h"
 #include "core/math/chunked_vector.h"
+#include "core/scene/mesh_hull.h"
 #include "core/scene/scene_data.h"
 #include "core/tlas/top_level.h"
 
@@ -32,6 +33,7 @@ class Scene {
 
   [[nodiscard]] std::size_t mesh_count() const { return blas_.size(); }
   [[nodiscard]] const blas::Blas& blas(std::uint32_t mesh_id) const { return blas_[mesh_id]; }
+  [[nodiscard]] const MeshHull& hull(std::uint32_t mesh_id) const { return hulls_[mesh_id]; }
   [[nodiscard]] std::size_t instance_slots() const { return instances_.size(); }
   [[nodiscard]] std::size_t instance_count() const { return live_instances_; }
   /// Null for an id out of range or a removed instance.
@@ -66,6 +68,7 @@ class Scene {
   std::uint64_t version_ = 1;
   blas::BuildOptions blas_options_;  ///< for meshes added later
   std::vector<blas::Blas> blas_;
+  std::vector<MeshHull> hulls_;  ///< one per mesh
   ChunkedVector<Instance, 64> instances_;
   ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id
   std::size_t live_instances_ = 0;

@@ -45,7 +45,7 @@ void SceneEditor::update_boxes(std::vector<std::uint32_t> instance_ids) {
 tlas::InstanceBox SceneEditor::hit_box_of(std::uint32_t instance_id) const {
   const Instance& instance = scene_->instance(instance_id);
   if (!instance.alive) return {};
-  return hit_box(instance.transform, scene_->blas(instance.mesh_id).bounds());
+  return hit_box(instance.transform, scene_->hull(instance.mesh_id));
 }
 
 }  // namespace gridcast::scene

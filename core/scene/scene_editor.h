@@ -20,9 +20,15 @@ class SceneEditor {
 
   void set_data(std::shared_ptr<const SceneData> data) { scene_->data_ = std::move(data); }
   void set_blas_options(const blas::BuildOptions& options) { scene_->blas_options_ = options; }
-  void add_mesh(blas::Blas blas) { scene_->blas_.push_back(std::move(blas)); }
+  void add_mesh(blas::Blas blas) {
+    scene_->hulls_.emplace_back(blas.mesh(), blas.bounds());
+    scene_->blas_.push_back(std::move(blas));
+  }
   /// Same triangle count as before. The caller updates the boxes of the mesh's instances (update_boxes).
-  void set_mesh(std::uint32_t mesh_id, blas::Blas blas) { scene_->blas_[mesh_id] = std::move(blas); }
+  void set_mesh(std::uint32_t mesh_id, blas::Blas blas) {
+    scene_->hulls_[mesh_id] = MeshHull(blas.mesh(), blas.bounds());
+    scene_->blas_[mesh_id] = std::move(blas);
+  }
 
   void reserve_instances(std::size_t count) { scene_->instances_.grow(count); }
   /// Writes a slot; different blocks of 64 slots may be written from different threads.
