@@ -14,15 +14,6 @@ namespace {
 /// threads.
 constexpr std::size_t kCostBlock = 1 << 14;
 
-std::vector<BuildReference> make_references(const mesh::TriangleMesh& mesh) {
-  std::vector<BuildReference> references(mesh.triangle_count());
-  tbb::parallel_for(std::size_t(0), references.size(), [&](std::size_t i) {
-    const Bounds3f box = primitive_bounds(mesh, std::uint32_t(i));
-    references[i] = {box.lower, std::uint32_t(i), box.upper};
-  });
-  return references;
-}
-
 bool is_node(std::size_t index) {
   return index != 1;
 }
@@ -62,7 +53,7 @@ Result<std::shared_ptr<const Bvh>> Bvh::build(const mesh::TriangleMesh& mesh, Bv
                                               std::stop_token stop) {
   if (mesh.triangle_count() > kMaxBvhPrimitives)
     return Error{ErrorCode::kLimitExceeded, "a BVH holds at most 2^31 triangles", "/triangles"};
-  Result<BvhTree> tree = build_bvh(make_references(mesh), {.split = split}, std::move(stop));
+  Result<BvhTree> tree = build_bvh(mesh, {.split = split}, std::move(stop));
   if (!tree) return tree.error();
   auto made = std::make_shared<Bvh>();
   made->nodes_ = std::move(tree->nodes);

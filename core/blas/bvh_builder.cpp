@@ -10,118 +10,185 @@
 namespace gridcast::blas {
 namespace {
 
-/// References [first, first + count), to become a node at `depth`.
+/// Two arrays of references: a division copies from one to the other.
+using ReferenceArrays = std::array<std::unique_ptr<BuildReference[]>, 2>;
+
+/// References to become a node at `depth`: `count` from `first` in one of the arrays. [begin, end) is theirs
+/// in both.
 struct Range {
+  std::size_t begin = 0;
+  std::size_t end = 0;
   std::size_t first = 0;
   std::size_t count = 0;
-  std::size_t depth = 0;
+  std::uint32_t array = 0;
+  std::uint32_t depth = 0;
   SetBounds bounds;
 };
+using Halves = std::array<Range, 2>;
 
 /// A node with all that is below it. Above the task size it has two children; below, everything sits in
-/// `nodes` in the final order, with links relative to its start.
+/// `nodes` and `ids` in the final order, with links relative to their starts.
 struct Subtree {
   BvhNode root{};
   std::vector<BvhNode> nodes;
+  std::vector<std::uint32_t> ids;
   std::unique_ptr<Subtree> children[2];
   std::size_t node_count = 0;  ///< without the root
+  std::size_t id_count = 0;
 };
+
+void set_box(BvhNode& node, const Box4& box) {
+  const Bounds3f bounds = box.bounds();
+  node.lower = bounds.lower;
+  node.upper = bounds.upper;
+}
+
+BvhNode inner_node(const Range& range, std::size_t first_child) {
+  BvhNode node{};
+  set_box(node, range.bounds.boxes);
+  node.first = std::uint32_t(first_child);
+  return node;
+}
 
 class Builder {
  public:
-  Builder(std::vector<BuildReference>& references, const BvhBuildConfig& config, std::stop_token stop)
-      : references_(references), config_(config), stop_(std::move(stop)) {}
+  Builder(ReferenceArrays& arrays, const AreaScale& areas, const BvhBuildConfig& config, std::stop_token stop)
+      : arrays_(arrays), areas_(areas), config_(config), stop_(std::move(stop)) {}
 
   [[nodiscard]] std::unique_ptr<Subtree> build(const Range& range) const {
     auto subtree = std::make_unique<Subtree>();
     if (stop_.stop_requested()) return subtree;
     if (range.count <= config_.task_size) {
-      build_inline(range, subtree->root, subtree->nodes);
-      subtree->nodes.shrink_to_fit();
+      subtree->nodes.reserve(range.count);
+      subtree->ids.reserve(range.count);
+      subtree->root = build_inline(range, *subtree);
       subtree->node_count = subtree->nodes.size();
+      subtree->id_count = subtree->ids.size();
       return subtree;
     }
-    const std::optional<Division> division = divide(range);  // never none: larger than a leaf
-    const Range first = part(range, *division, 0);
-    const Range second = part(range, *division, 1);
-    tbb::parallel_invoke([&] { subtree->children[0] = build(first); },
-                         [&] { subtree->children[1] = build(second); });
-    set_inner(subtree->root, range, 0);
+    const std::optional<Halves> halves = divide(range);  // never none: larger than a leaf
+    tbb::parallel_invoke([&] { subtree->children[0] = build((*halves)[0]); },
+                         [&] { subtree->children[1] = build((*halves)[1]); });
+    subtree->root = inner_node(range, 0);
     subtree->node_count = 2 + subtree->children[0]->node_count + subtree->children[1]->node_count;
+    subtree->id_count = subtree->children[0]->id_count + subtree->children[1]->id_count;
     return subtree;
   }
 
  private:
-  /// Recursion is at most kMaxBvhDepth deep. `nodes` may move, so `self` of a child is written last.
-  void build_inline(const Range& range, BvhNode& self, std::vector<BvhNode>& nodes) const {
-    const std::optional<Division> division = divide(range);
-    if (!division) {
-      self = {range.bounds.boxes.lower, std::uint32_t(range.first), range.bounds.boxes.upper,
-              std::uint32_t(range.count)};
-      return;
-    }
-    const std::size_t pair = nodes.size();
-    set_inner(self, range, pair);
-    nodes.resize(pair + 2);
+  /// Recursion is at most kMaxBvhDepth deep. `nodes` may move, so a child is written when it is complete.
+  [[nodiscard]] BvhNode build_inline(const Range& range, Subtree& subtree) const {
+    const std::optional<Halves> halves = divide(range);
+    if (!halves) return make_leaf(range, subtree.ids);
+    const std::size_t pair = subtree.nodes.size();
+    subtree.nodes.resize(pair + 2);
     for (std::size_t side = 0; side < 2; ++side) {
-      BvhNode child{};
-      build_inline(part(range, *division, side), child, nodes);
-      nodes[pair + side] = child;
+      const BvhNode child = build_inline((*halves)[side], subtree);
+      subtree.nodes[pair + side] = child;
     }
+    return inner_node(range, pair);
+  }
+
+  [[nodiscard]] BvhNode make_leaf(const Range& range, std::vector<std::uint32_t>& ids) const {
+    BvhNode node{};
+    set_box(node, range.bounds.boxes);
+    node.first = std::uint32_t(ids.size());
+    node.count = std::uint32_t(range.count);
+    for (const BuildReference& reference : span(range)) ids.push_back(reference.id);
+    return node;
+  }
+
+  [[nodiscard]] std::span<BuildReference> span(const Range& range) const {
+    return {arrays_[range.array].get() + range.first, range.count};
   }
 
   /// None when the range should be a leaf.
-  [[nodiscard]] std::optional<Division> divide(const Range& range) const {
+  [[nodiscard]] std::optional<Halves> divide(const Range& range) const {
     const bool may_be_leaf = range.count <= config_.max_leaf_size;
-    const std::span<BuildReference> span(references_.data() + range.first, range.count);
     if (range.count == 1) return std::nullopt;
     // Only halving is certain to end within the depth that a traversal has a stack for.
     if (range.depth >= kMaxFreeDepth || config_.split == BvhSplit::kMedian)
-      return may_be_leaf ? std::nullopt : std::optional(divide_at_median(span, range.bounds));
-    std::optional<Division> division;
+      return may_be_leaf ? std::nullopt : std::optional(halve(range));
     if (config_.split == BvhSplit::kMidpoint) {
       if (may_be_leaf) return std::nullopt;
-      division = divide_at_midpoint(span, range.bounds);
-    } else {
-      // One node costs more than such a leaf, wherever it is split.
-      if (may_be_leaf && kTriangleCost * double(range.count) <= kNodeCost) return std::nullopt;
-      const std::optional<BinnedSplit> split = find_binned_split(span, range.bounds);
-      if (may_be_leaf && (!split || split->cost >= kTriangleCost * double(range.count))) return std::nullopt;
-      if (split) division = divide_at_bin(span, range.bounds, *split);
+      const std::optional<Division> division = divide_at_midpoint(span(range), range.bounds);
+      return division ? halves(range, *division) : halve(range);
     }
-    return division ? division : divide_at_median(span, range.bounds);
+    const std::size_t blocks = blocks_of(range.count, config_.block);
+    const double as_leaf = kTriangleCost * double(blocks);
+    // One node costs more than such a leaf, wherever it is split.
+    if (may_be_leaf && as_leaf <= kNodeCost) return std::nullopt;
+    const std::optional<BinnedSplit> split =
+        find_binned_split(span(range), range.bounds, areas_, config_.block);
+    if (may_be_leaf && (!split || node_cost(range, *split) >= as_leaf)) return std::nullopt;
+    return split ? divide_at(range, *split) : halve(range);
   }
 
-  static Range part(const Range& range, const Division& division, std::size_t side) {
-    const std::size_t first = side == 0 ? range.first : range.first + division.middle;
-    const std::size_t count = side == 0 ? division.middle : range.count - division.middle;
-    return {first, count, range.depth + 1, division.parts[side]};
-  }
-  static void set_inner(BvhNode& node, const Range& range, std::size_t first_child) {
-    node = {range.bounds.boxes.lower, std::uint32_t(first_child), range.bounds.boxes.upper, 0};
+  [[nodiscard]] double node_cost(const Range& range, const BinnedSplit& split) const {
+    const float area = areas_.half_area(range.bounds.boxes);
+    return kNodeCost + (area > 0.F ? kTriangleCost * double(split.cost / area) : 0.0);
   }
 
-  std::vector<BuildReference>& references_;
+  [[nodiscard]] Halves halve(const Range& range) const {
+    return halves(range, divide_at_median(span(range), range.bounds));
+  }
+
+  /// Of a division in place.
+  static Halves halves(const Range& range, const Division& division) {
+    const std::size_t middle = range.first + division.middle;
+    return {Range{range.begin, middle, range.first, division.middle, range.array, range.depth + 1,
+                  division.parts[0]},
+            Range{middle, range.end, middle, range.count - division.middle, range.array, range.depth + 1,
+                  division.parts[1]}};
+  }
+
+  [[nodiscard]] Halves divide_at(const Range& range, const BinnedSplit& split) const {
+    const std::uint32_t array = 1 - range.array;
+    const std::size_t left = range.begin;
+    const std::size_t right = range.end - split.counts[1];
+    const std::array<SetBounds, 2> parts =
+        divide_at_bin(span(range), split, arrays_[array].get() + left, arrays_[array].get() + right);
+    const std::size_t spare = right - (left + split.counts[0]);
+    const std::size_t middle =
+        left + split.counts[0] + std::size_t(double(spare) * (double(split.counts[0]) / double(range.count)));
+    return {Range{range.begin, middle, left, split.counts[0], array, range.depth + 1, parts[0]},
+            Range{middle, range.end, right, split.counts[1], array, range.depth + 1, parts[1]}};
+  }
+
+  ReferenceArrays& arrays_;
+  const AreaScale& areas_;
   const BvhBuildConfig& config_;
   std::stop_token stop_;
 };
 
-/// Writes a subtree's root to `self` and the nodes below it from `base` on, freeing it on the way.
-void flatten(std::unique_ptr<Subtree> subtree, BvhNodes& nodes, std::size_t self, std::size_t base) {
-  nodes[self] = subtree->root;
-  if (subtree->root.leaf()) return;
-  nodes[self].first = std::uint32_t(base + subtree->root.first);
-  if (subtree->children[0] == nullptr) {
-    for (std::size_t i = 0; i < subtree->nodes.size(); ++i) {
-      nodes[base + i] = subtree->nodes[i];
-      if (!nodes[base + i].leaf()) nodes[base + i].first += std::uint32_t(base);
+/// Writes subtrees to their places, freeing them on the way.
+class Flattener {
+ public:
+  explicit Flattener(BvhTree& tree) : tree_(tree) {}
+
+  /// The root to `self`, the nodes below it from `base` on, the triangles from `first_id` on.
+  void run(std::unique_ptr<Subtree> subtree, std::size_t self, std::size_t base, std::size_t first_id) {
+    tree_.nodes[self] = placed(subtree->root, base, first_id);
+    if (subtree->children[0] == nullptr) {
+      for (std::size_t i = 0; i < subtree->nodes.size(); ++i)
+        tree_.nodes[base + i] = placed(subtree->nodes[i], base, first_id);
+      std::copy(subtree->ids.begin(), subtree->ids.end(),
+                tree_.primitive_ids.begin() + std::ptrdiff_t(first_id));
+      return;
     }
-    return;
+    const std::size_t second = base + 2 + subtree->children[0]->node_count;
+    const std::size_t second_id = first_id + subtree->children[0]->id_count;
+    tbb::parallel_invoke([&] { run(std::move(subtree->children[0]), base, base + 2, first_id); },
+                         [&] { run(std::move(subtree->children[1]), base + 1, second, second_id); });
   }
-  const std::size_t second = base + 2 + subtree->children[0]->node_count;
-  tbb::parallel_invoke([&] { flatten(std::move(subtree->children[0]), nodes, base, base + 2); },
-                       [&] { flatten(std::move(subtree->children[1]), nodes, base + 1, second); });
-}
+
+ private:
+  static BvhNode placed(BvhNode node, std::size_t base, std::size_t first_id) {
+    node.first += std::uint32_t(node.leaf() ? first_id : base);
+    return node;
+  }
+  BvhTree& tree_;
+};
 
 Error cancelled() {
   return {ErrorCode::kCancelled, "the build was cancelled", {}};
@@ -129,23 +196,26 @@ Error cancelled() {
 
 }  // namespace
 
-Result<BvhTree> build_bvh(std::vector<BuildReference> references, const BvhBuildConfig& config,
+Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& config,
                           std::stop_token stop) {
-  if (references.size() > kMaxBvhPrimitives)
+  const std::size_t count = mesh.triangle_count();
+  if (count > kMaxBvhPrimitives)
     return Error{ErrorCode::kLimitExceeded, "a BVH holds at most 2^31 triangles", "/triangles"};
   BvhTree tree;
-  if (references.empty()) return tree;
+  if (count == 0) return tree;
 
+  ReferenceArrays arrays;
+  for (auto& array : arrays) array = std::make_unique_for_overwrite<BuildReference[]>(count);
+  const SetBounds bounds = make_references(mesh, arrays[0].get());
+  const AreaScale areas(bounds.boxes.bounds());
   std::unique_ptr<Subtree> root =
-      Builder(references, config, stop).build({0, references.size(), 0, bounds_of(references)});
+      Builder(arrays, areas, config, stop).build({0, count, 0, count, 0, 0, bounds});
   if (stop.stop_requested()) return cancelled();
-  tree.primitive_ids.resize(references.size());
-  tbb::parallel_for(std::size_t(0), references.size(),
-                    [&](std::size_t i) { tree.primitive_ids[i] = references[i].id; });
-  std::vector<BuildReference>().swap(references);
+  for (auto& array : arrays) array.reset();
 
   tree.nodes.resize(2 + root->node_count);
-  flatten(std::move(root), tree.nodes, 0, 2);
+  tree.primitive_ids.resize(root->id_count);
+  Flattener(tree).run(std::move(root), 0, 2, 0);
   return tree;
 }
 

@@ -1,12 +1,11 @@
 #include "core/blas/bvh_split.h"
 
 #include <algorithm>
-#include <array>
+#include <vector>
 
 #include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_reduce.h>
-
-#include "core/blas/cost_model.h"
 
 namespace gridcast::blas {
 namespace {
@@ -17,13 +16,15 @@ constexpr std::size_t kScanGrain = 1 << 13;
 
 constexpr std::uint32_t kMaxBins = 16;
 constexpr std::uint32_t kMinBins = 4;
+/// A bin more for every so many references.
+constexpr std::size_t kReferencesPerBin = 16;
 /// Axes on which all centers lie closer are not binned: bins per length would overflow a float.
 constexpr float kMinExtent = 0x1p-120F;
 
-int longest_axis(const Bounds3f& box) {
-  const Vec3f extent = box.extent();
-  if (extent.x >= extent.y) return extent.x >= extent.z ? 0 : 2;
-  return extent.y >= extent.z ? 1 : 2;
+int longest_axis(const Box4& box) {
+  const Float4 extent = box.extent();
+  if (extent[0] >= extent[1]) return extent[0] >= extent[2] ? 0 : 2;
+  return extent[1] >= extent[2] ? 1 : 2;
 }
 
 /// In-place partition that collects the bounds of both parts on the way.
@@ -42,117 +43,167 @@ Division partition(std::span<BuildReference> references, GoesFirst goes_first) {
   return result;
 }
 
-/// Center to bin. The same code counts and divides, so a part is never emptier than its count.
-class BinMap {
- public:
-  BinMap(const Bounds3f& centers, std::uint32_t bin_count) : origin_(centers.lower), last_(bin_count - 1) {
-    const Vec3f extent = centers.extent();
+/// Centers to bins, all three axes at once.
+struct BinMap {
+  Float4 origin;
+  Float4 scale;
+  Float4 last;
+
+  BinMap(const Box4& centers, std::uint32_t bin_count)
+      : origin(first_three(centers.lower)), scale(broadcast(0.F)), last(broadcast(float(bin_count - 1))) {
+    const Float4 extent = centers.extent();
     for (int axis = 0; axis < 3; ++axis)
-      scale_[axis] = extent[axis] > kMinExtent ? float(bin_count) / extent[axis] : 0.F;
+      if (usable(extent, axis)) scale[axis] = float(bin_count) / extent[axis];
   }
-  [[nodiscard]] bool usable(int axis) const { return scale_[axis] > 0.F; }
-  [[nodiscard]] std::uint32_t bin(const BuildReference& reference, int axis) const {
-    const float center = reference.lower[axis] + reference.upper[axis];
-    return std::min(std::uint32_t((center - origin_[axis]) * scale_[axis]), last_);
+  static bool usable(Float4 extent, int axis) { return extent[axis] > kMinExtent; }
+  [[nodiscard]] Int4 bins(const Box4& box) const {
+    return __builtin_convertvector(min((doubled_center(box) - origin) * scale, last), Int4);
   }
-
- private:
-  Vec3f origin_;
-  Vec3f scale_;
-  std::uint32_t last_;
-};
-
-struct Bin {
-  Bounds3f box;
-  std::uint32_t count = 0;
 };
 
 struct BinSet {
-  std::array<std::array<Bin, kMaxBins>, 3> axes;
+  std::array<std::array<Box4, kMaxBins>, 3> boxes;
+  std::array<std::array<std::uint32_t, kMaxBins>, 3> counts;
 
+  explicit BinSet(std::uint32_t bin_count) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      std::fill_n(boxes[axis].begin(), bin_count, Box4{});
+      std::fill_n(counts[axis].begin(), bin_count, 0U);
+    }
+  }
   void add(std::span<const BuildReference> references, const BinMap& map) {
     for (const BuildReference& reference : references) {
+      const Box4 box = reference.box();
+      const Int4 bins = map.bins(box);
       for (int axis = 0; axis < 3; ++axis) {
-        Bin& bin = axes[std::size_t(axis)][map.bin(reference, axis)];
-        bin.box.lower = glm::min(bin.box.lower, reference.lower);
-        bin.box.upper = glm::max(bin.box.upper, reference.upper);
-        ++bin.count;
+        const auto bin = std::size_t(bins[axis]);
+        boxes[std::size_t(axis)][bin].extend(box);
+        ++counts[std::size_t(axis)][bin];
       }
     }
   }
-  void merge(const BinSet& other) {
+  void merge(const BinSet& other, std::uint32_t bin_count) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      for (std::size_t i = 0; i < kMaxBins; ++i) {
-        axes[axis][i].box.extend(other.axes[axis][i].box);
-        axes[axis][i].count += other.axes[axis][i].count;
+      for (std::size_t i = 0; i < bin_count; ++i) {
+        boxes[axis][i].extend(other.boxes[axis][i]);
+        counts[axis][i] += other.counts[axis][i];
       }
     }
   }
 };
 
-BinSet fill_bins(std::span<const BuildReference> references, const BinMap& map) {
-  BinSet all;
+BinSet fill_bins(std::span<const BuildReference> references, const BinMap& map, std::uint32_t bin_count) {
+  BinSet all(bin_count);
   if (references.size() < kParallelScan) {
     all.add(references, map);
     return all;
   }
   return tbb::parallel_reduce(
-      tbb::blocked_range<std::size_t>(0, references.size(), kScanGrain), BinSet{},
+      tbb::blocked_range<std::size_t>(0, references.size(), kScanGrain), all,
       [&](const tbb::blocked_range<std::size_t>& range, BinSet bins) {
         bins.add(references.subspan(range.begin(), range.size()), map);
         return bins;
       },
-      [](BinSet a, const BinSet& b) {
-        a.merge(b);
+      [bin_count](BinSet a, const BinSet& b) {
+        a.merge(b, bin_count);
         return a;
       });
 }
 
-/// The bins of one axis swept from the right, then from the left: area times count on both sides of each
-/// plane. Keeps `best` unless a plane is strictly cheaper.
-void sweep_axis(const std::array<Bin, kMaxBins>& bins, int axis, std::uint32_t bin_count,
-                std::optional<BinnedSplit>& best) {
-  std::array<double, kMaxBins> right_cost{};
-  Bounds3f box;
-  std::size_t count = 0;
-  for (std::uint32_t i = bin_count - 1; i > 0; --i) {
-    box.extend(bins[i].box);
-    count += bins[i].count;
-    right_cost[i] = count == 0 ? -1.0 : to_double(box).half_area() * double(count);
+/// One axis swept from the right, then from the left: area times blocks on both sides of each plane.
+class AxisSweep {
+ public:
+  AxisSweep(const std::array<Box4, kMaxBins>& boxes, const std::array<std::uint32_t, kMaxBins>& counts,
+            std::uint32_t bin_count, const AreaScale& areas, LeafBlock block)
+      : boxes_(boxes), counts_(counts), bin_count_(bin_count), areas_(areas), block_(std::uint32_t(block)) {}
+
+  /// Lowers `least` and returns the first bin of the right part, or returns 0.
+  [[nodiscard]] std::uint32_t cheapest(float& least) const {
+    std::array<float, kMaxBins> right_cost;
+    Box4 box;
+    std::uint32_t count = 0;
+    for (std::uint32_t i = bin_count_ - 1; i > 0; --i) {
+      box.extend(boxes_[i]);
+      count += counts_[i];
+      right_cost[i] = count == 0 ? -1.F : cost(box, count);
+    }
+    std::uint32_t best = 0;
+    box = {};
+    count = 0;
+    for (std::uint32_t i = 1; i < bin_count_; ++i) {
+      box.extend(boxes_[i - 1]);
+      count += counts_[i - 1];
+      if (count == 0 || right_cost[i] < 0.F) continue;
+      const float both = cost(box, count) + right_cost[i];
+      if (both >= least) continue;
+      least = both;
+      best = i;
+    }
+    return best;
   }
-  box = {};
-  count = 0;
-  for (std::uint32_t i = 1; i < bin_count; ++i) {
-    box.extend(bins[i - 1].box);
-    count += bins[i - 1].count;
-    if (count == 0 || right_cost[i] < 0.0) continue;
-    const double cost = to_double(box).half_area() * double(count) + right_cost[i];
-    if (!best || cost < best->cost) best = BinnedSplit{axis, i, bin_count, cost};
+
+ private:
+  [[nodiscard]] float cost(const Box4& box, std::uint32_t count) const {
+    const std::uint32_t blocks = (count + block_ - 1) / block_;
+    return areas_.half_area(box) * float(blocks);
   }
+
+  const std::array<Box4, kMaxBins>& boxes_;
+  const std::array<std::uint32_t, kMaxBins>& counts_;
+  std::uint32_t bin_count_;
+  const AreaScale& areas_;
+  std::uint32_t block_;
+};
+
+/// Copies [begin, end) of the references to two places, without branches. Returns the bounds of the centers.
+std::array<Box4, 2> copy_parts(std::span<const BuildReference> references, const BinnedSplit& split,
+                               BuildReference* left, BuildReference* right) {
+  std::array<Box4, 2> centers;
+  for (const BuildReference& reference : references) {
+    const bool goes_right = split.goes_right(reference);
+    *(goes_right ? right : left) = reference;
+    right += goes_right ? 1 : 0;
+    left += goes_right ? 0 : 1;
+    // NaN in the lanes of the part that does not get it: minimum and maximum then keep what they had.
+    const Int4 not_left = Int4{} - (goes_right ? 1 : 0);
+    const auto center = Int4(doubled_center(reference.box()));
+    centers[0].extend(Float4(center | not_left));
+    centers[1].extend(Float4(center | ~not_left));
+  }
+  return centers;
+}
+
+/// Where each block's parts begin, counted first.
+std::array<Box4, 2> copy_parts_in_parallel(std::span<const BuildReference> references,
+                                           const BinnedSplit& split, BuildReference* left,
+                                           BuildReference* right) {
+  const std::size_t blocks = (references.size() + kScanGrain - 1) / kScanGrain;
+  auto block = [&](std::size_t i) {
+    return references.subspan(i * kScanGrain, std::min(kScanGrain, references.size() - i * kScanGrain));
+  };
+  std::vector<std::size_t> lefts_before(blocks + 1, 0);
+  tbb::parallel_for(std::size_t(0), blocks, [&](std::size_t i) {
+    std::size_t lefts = 0;
+    for (const BuildReference& reference : block(i)) lefts += split.goes_right(reference) ? 0 : 1;
+    lefts_before[i + 1] = lefts;
+  });
+  for (std::size_t i = 0; i < blocks; ++i) lefts_before[i + 1] += lefts_before[i];
+  std::vector<std::array<Box4, 2>> centers(blocks);
+  tbb::parallel_for(std::size_t(0), blocks, [&](std::size_t i) {
+    const std::size_t rights_before = i * kScanGrain - lefts_before[i];
+    centers[i] = copy_parts(block(i), split, left + lefts_before[i], right + rights_before);
+  });
+  std::array<Box4, 2> all;
+  for (const auto& parts : centers)
+    for (std::size_t side = 0; side < 2; ++side) all[side].extend(parts[side]);
+  return all;
 }
 
 std::uint32_t bins_for(std::size_t size) {
-  return std::uint32_t(std::clamp<std::size_t>(size, kMinBins, kMaxBins));
+  return std::uint32_t(std::min<std::size_t>(kMinBins + size / kReferencesPerBin, kMaxBins));
 }
 
 }  // namespace
-
-SetBounds bounds_of(std::span<const BuildReference> references) {
-  auto scan = [&](std::size_t begin, std::size_t end, SetBounds bounds) {
-    for (std::size_t i = begin; i < end; ++i) bounds.extend(references[i]);
-    return bounds;
-  };
-  if (references.size() < kParallelScan) return scan(0, references.size(), {});
-  return tbb::parallel_reduce(
-      tbb::blocked_range<std::size_t>(0, references.size(), kScanGrain), SetBounds{},
-      [&](const tbb::blocked_range<std::size_t>& range, const SetBounds& bounds) {
-        return scan(range.begin(), range.end(), bounds);
-      },
-      [](SetBounds a, const SetBounds& b) {
-        a.extend(b);
-        return a;
-      });
-}
 
 Division divide_at_median(std::span<BuildReference> references, const SetBounds& bounds) {
   const int axis = longest_axis(bounds.centers);
@@ -171,7 +222,7 @@ Division divide_at_median(std::span<BuildReference> references, const SetBounds&
 
 std::optional<Division> divide_at_midpoint(std::span<BuildReference> references, const SetBounds& bounds) {
   const int axis = longest_axis(bounds.centers);
-  const float middle = bounds.centers.center()[axis];
+  const float middle = bounds.centers.bounds().center()[axis];
   // Every center is at or above the lower end; one lies on it, one on the upper end.
   if (!(middle > bounds.centers.lower[axis])) return std::nullopt;
   return partition(references, [axis, middle](const BuildReference& reference) {
@@ -180,25 +231,44 @@ std::optional<Division> divide_at_midpoint(std::span<BuildReference> references,
 }
 
 std::optional<BinnedSplit> find_binned_split(std::span<const BuildReference> references,
-                                             const SetBounds& bounds) {
+                                             const SetBounds& bounds, const AreaScale& areas,
+                                             LeafBlock block) {
   const std::uint32_t bin_count = bins_for(references.size());
   const BinMap map(bounds.centers, bin_count);
-  const BinSet bins = fill_bins(references, map);
-  std::optional<BinnedSplit> best;
-  for (int axis = 0; axis < 3; ++axis)
-    if (map.usable(axis)) sweep_axis(bins.axes[std::size_t(axis)], axis, bin_count, best);
-  if (!best) return best;
-  const double area = to_double(bounds.boxes).half_area();
-  best->cost = kNodeCost + (area > 0.0 ? kTriangleCost * best->cost / area : 0.0);
-  return best;
+  const BinSet bins = fill_bins(references, map, bin_count);
+  const Float4 extent = bounds.centers.extent();
+  float least = std::numeric_limits<float>::infinity();
+  std::uint32_t first_of_right = 0;
+  std::size_t axis = 0;
+  for (std::size_t a = 0; a < 3; ++a) {
+    if (!BinMap::usable(extent, int(a))) continue;
+    const std::uint32_t found =
+        AxisSweep(bins.boxes[a], bins.counts[a], bin_count, areas, block).cheapest(least);
+    if (found == 0) continue;
+    first_of_right = found;
+    axis = a;
+  }
+  if (first_of_right == 0) return std::nullopt;
+  BinnedSplit split;
+  split.axis = int(axis);
+  split.origin = map.origin[split.axis];
+  split.scale = map.scale[split.axis];
+  split.first_bin_of_right = float(first_of_right);
+  split.cost = least;
+  for (std::uint32_t i = 0; i < bin_count; ++i) {
+    const std::size_t side = i < first_of_right ? 0 : 1;
+    split.counts[side] += bins.counts[axis][i];
+    split.boxes[side].extend(bins.boxes[axis][i]);
+  }
+  return split;
 }
 
-Division divide_at_bin(std::span<BuildReference> references, const SetBounds& bounds,
-                       const BinnedSplit& split) {
-  const BinMap map(bounds.centers, split.bin_count);
-  return partition(references, [&](const BuildReference& reference) {
-    return map.bin(reference, split.axis) < split.bin;
-  });
+std::array<SetBounds, 2> divide_at_bin(std::span<const BuildReference> references, const BinnedSplit& split,
+                                       BuildReference* left, BuildReference* right) {
+  const std::array<Box4, 2> centers = references.size() < kParallelScan
+                                          ? copy_parts(references, split, left, right)
+                                          : copy_parts_in_parallel(references, split, left, right);
+  return {SetBounds{split.boxes[0], centers[0]}, SetBounds{split.boxes[1], centers[1]}};
 }
 
 }  // namespace gridcast::blas

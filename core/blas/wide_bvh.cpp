@@ -107,16 +107,13 @@ Result<std::shared_ptr<const WideBvh>> WideBvh::build(const mesh::TriangleMesh& 
     return Error{ErrorCode::kLimitExceeded, "more than 2^30 triangles in one mesh", "/triangles"};
   auto wide = std::make_shared<WideBvh>();
   if (mesh.triangles.empty()) return std::shared_ptr<const WideBvh>(wide);
-  std::vector<BuildReference> references(mesh.triangle_count());
-  oneapi::tbb::parallel_for(std::size_t(0), references.size(), [&](std::size_t i) {
-    const Bounds3f box = primitive_bounds(mesh, std::uint32_t(i));
-    references[i] = {box.lower, std::uint32_t(i), box.upper};
-  });
   BvhBuildConfig config;
-  config.max_leaf_size = 2;
-  Result<BvhTree> tree = build_bvh(std::move(references), config, std::move(stop));
+  config.block = LeafBlock::kFour;
+  Result<BvhTree> tree = build_bvh(mesh, config, std::move(stop));
   if (!tree) return tree.error();
   Layout(*tree, wide->nodes_, wide->blocks_).run();
+  wide->blocks_.shrink_to_fit();
+  wide->nodes_.shrink_to_fit();
   load_all_corners(mesh, wide->blocks_);
   return std::shared_ptr<const WideBvh>(wide);
 }

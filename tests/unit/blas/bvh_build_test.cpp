@@ -24,19 +24,9 @@ StructureStats stats_of(const Bvh& bvh) {
   return stats;
 }
 
-std::vector<BuildReference> references_of(const TriangleMesh& mesh) {
-  std::vector<BuildReference> references;
-  for (std::uint32_t i = 0; i < mesh.triangle_count(); ++i) {
-    const Bounds3f box = primitive_bounds(mesh, i);
-    references.push_back({box.lower, i, box.upper});
-  }
-  return references;
-}
-
 BvhTree tree_on(int threads, const TriangleMesh& mesh, BvhSplit split) {
   tbb::task_arena arena(threads);
-  return arena.execute(
-      [&] { return build_bvh(references_of(mesh), {.split = split, .task_size = 64}, {}).value(); });
+  return arena.execute([&] { return build_bvh(mesh, {.split = split, .task_size = 64}, {}).value(); });
 }
 
 TEST(BvhBuild, every_mesh_gives_a_valid_tree_with_every_split) {
@@ -73,8 +63,8 @@ TEST(BvhBuild, the_tree_is_the_same_on_one_thread_and_on_many) {
 
 TEST(BvhBuild, the_size_of_a_task_does_not_change_the_tree) {
   const TriangleMesh mesh = test::torus(60, 40);
-  const BvhTree whole = build_bvh(references_of(mesh), {.task_size = 1 << 20}, {}).value();
-  const BvhTree parts = build_bvh(references_of(mesh), {.task_size = 16}, {}).value();
+  const BvhTree whole = build_bvh(mesh, {.task_size = 1 << 20}, {}).value();
+  const BvhTree parts = build_bvh(mesh, {.task_size = 16}, {}).value();
   EXPECT_EQ(whole.primitive_ids, parts.primitive_ids);
   ASSERT_EQ(whole.nodes.size(), parts.nodes.size());
   EXPECT_EQ(std::memcmp(whole.nodes.data(), parts.nodes.data(), whole.nodes.size() * sizeof(BvhNode)), 0);
