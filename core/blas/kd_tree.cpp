@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/blas/cost_model.h"
+#include "core/blas/kd_layout.h"
 #include "core/blas/kd_tree_builder.h"
 
 namespace gridcast::blas {
@@ -12,45 +13,47 @@ Result<std::shared_ptr<const KdTree>> KdTree::build(const mesh::TriangleMesh& me
   Result<KdTreeData> data = build_kd_tree(mesh, std::move(stop));
   if (!data) return data.error();
   auto made = std::make_shared<KdTree>();
-  made->data_ = *std::move(data);
+  made->layout_ = lay_out(*data, mesh);
   return std::shared_ptr<const KdTree>(std::move(made));
 }
 
 void KdTree::add_stats(StructureStats& stats) const {
   struct Visit {
-    std::size_t node, depth;
+    std::size_t treelet, depth;
     Bounds3f cell;
   };
-  stats.node_count = data_.nodes.size();
-  stats.reference_count = data_.references.size();
-  stats.memory_bytes = sizeof(KdTree) + data_.nodes.capacity() * sizeof(KdNode) +
-                       data_.references.capacity() * sizeof(data_.references[0]);
-  stats.leaf_count = stats.max_depth = 0;
+  const auto bytes = [](const auto& column) { return column.capacity() * sizeof(column[0]); };
+  stats.node_count = layout_.treelets.size();
+  stats.memory_bytes =
+      sizeof(KdTree) + bytes(layout_.treelets) + bytes(layout_.blocks) + bytes(layout_.triangles);
+  stats.leaf_count = stats.reference_count = stats.max_depth = 0;
   stats.cost = 0.0;
   std::vector<Visit> pending;
-  if (!data_.nodes.empty()) pending.push_back({0, 0, data_.bounds});
+  if (!layout_.treelets.empty()) pending.push_back({0, 0, layout_.bounds});
   while (!pending.empty()) {
     const Visit visit = pending.back();
     pending.pop_back();
-    const KdNode& node = data_.nodes[visit.node];
-    const double probability = hit_probability(visit.cell, data_.bounds);
+    const KdTreelet& treelet = layout_.treelets[visit.treelet];
     stats.max_depth = std::max(stats.max_depth, visit.depth);
-    if (node.is_leaf()) {
+    stats.cost += kTreeletCost * hit_probability(visit.cell, layout_.bounds);
+    for (std::uint32_t slot = 0; slot < KdTreelet::kSlots; ++slot) {
+      if (!treelet.is_used(slot)) continue;
+      const Bounds3f cell = treelet.child_cell(slot, visit.cell);
+      if (treelet.is_inner(slot)) {
+        pending.push_back({treelet.child(slot), visit.depth + 1, cell});
+        continue;
+      }
       ++stats.leaf_count;
-      stats.cost += probability * kTriangleCost * double(node.count());
-      continue;
+      const std::uint32_t blocks = treelet.block_count(slot);
+      for (std::uint32_t i = 0; i < blocks; ++i)
+        stats.reference_count += layout_.blocks[treelet.block(slot) + i].size();
+      stats.cost += kIndexedBlockCost * blocks * hit_probability(cell, layout_.bounds);
     }
-    stats.cost += probability * kKdNodeCost;
-    Bounds3f below = visit.cell;
-    Bounds3f above = visit.cell;
-    below.upper[node.axis()] = above.lower[node.axis()] = node.plane();
-    pending.push_back({node.second_child(), visit.depth + 1, above});
-    pending.push_back({visit.node + 1, visit.depth + 1, below});
   }
 }
 
 Status KdTree::validate(const mesh::TriangleMesh& mesh) const {
-  return validate_kd_tree(data_, mesh);
+  return validate_kd_tree(layout_, mesh);
 }
 
 }  // namespace gridcast::blas

@@ -5,7 +5,7 @@
 #include <stop_token>
 
 #include "core/blas/blas.h"
-#include "core/blas/kd_tree_node.h"
+#include "core/blas/kd_treelet.h"
 
 namespace gridcast::blas {
 
@@ -25,16 +25,16 @@ class KdTree {
   void add_stats(StructureStats& stats) const;
 
   /// Read access for tests and for drawing.
-  [[nodiscard]] const KdTreeData& data() const { return data_; }
+  [[nodiscard]] const KdLayout& layout() const { return layout_; }
 
  private:
-  KdTreeData data_;
+  KdLayout layout_;
 };
 
 /// Planes strictly inside their cells, links and ranges in order, depth within the stack, every triangle
 /// listed by each leaf whose cell it enters beyond rounding, and at its corners, edge midpoints and middle by
 /// at least one (in a plane either side may). The error's `where` names the node (`/nodes/17`) or the
 /// triangle (`/triangles/3`).
-[[nodiscard]] Status validate_kd_tree(const KdTreeData& tree, const mesh::TriangleMesh& mesh);
+[[nodiscard]] Status validate_kd_tree(const KdLayout& layout, const mesh::TriangleMesh& mesh);
 
 }  // namespace gridcast::blas

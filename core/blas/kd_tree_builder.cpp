@@ -4,10 +4,11 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <span>
+#include <tuple>
 
 #include <oneapi/tbb/parallel_invoke.h>
 
-#include "core/blas/cost_model.h"
 #include "core/blas/kd_tree_clip.h"
 #include "core/blas/kd_tree_split.h"
 
@@ -16,17 +17,41 @@ namespace {
 
 /// Larger cells are tasks of their own. No effect on the tree.
 constexpr std::size_t kTaskSize = 4096;
-/// How often a path may take a split that looks worse than a leaf, in the hope of better ones below.
-constexpr std::size_t kBadSplits = 3;
 
 /// A cell and what is left of every allowance on its path. Allowances are divided between the children, never
 /// taken from a common pot, so that the tree does not depend on which thread comes first.
+struct Cell {
+  Bounds3f box;
+  std::size_t levels = 0;  ///< depth left
+  std::size_t budget = 0;  ///< references that the leaves below may hold, an empty leaf counting as one
+};
+
 struct Job {
   std::vector<KdReference> references;
-  Bounds3f cell;
-  std::size_t levels;      ///< depth left
-  std::size_t bad_splits;  ///< left
-  std::size_t budget;      ///< references that the leaves below may hold, an empty leaf counting as one
+  Cell cell;
+};
+
+/// The references of the cells on the way down from a task's root: those of the cell in hand lie on top.
+/// Storage is kept, so a cell costs no allocation.
+class ReferenceStack {
+ public:
+  explicit ReferenceStack(std::vector<KdReference> references)
+      : storage_(std::move(references)), size_(storage_.size()) {}
+  [[nodiscard]] std::size_t size() const { return size_; }
+  [[nodiscard]] std::span<KdReference> from(std::size_t begin) {
+    return std::span(storage_).subspan(begin, size_ - begin);
+  }
+  void shrink(std::size_t size) { size_ = size; }
+  /// Room for `count` more references on top, to be written in place and then taken by grow().
+  KdReference* room(std::size_t count) {
+    if (storage_.size() < size_ + count) storage_.resize(std::max(2 * storage_.size(), size_ + count));
+    return storage_.data() + size_;
+  }
+  void grow(std::size_t count) { size_ += count; }
+
+ private:
+  std::vector<KdReference> storage_;
+  std::size_t size_;
 };
 
 /// A cell's subtree: two children, or nodes in depth-first order with links relative to their start.
@@ -46,22 +71,20 @@ class Builder {
   [[nodiscard]] std::unique_ptr<Subtree> build(Job job) const {
     auto subtree = std::make_unique<Subtree>();
     if (stop_.stop_requested()) return subtree;
-    SweepMemory memory;
     std::optional<KdSplit> split;
-    std::optional<std::pair<Job, Job>> parts;
-    if (job.references.size() > kTaskSize) {
-      split = choose(job, memory);
-      if (split) parts = divide(job, *split);
-    }
-    if (!parts) {
-      build_inline(std::move(job), *subtree, memory);
+    if (job.references.size() > kTaskSize) split = choose(job.references, job.cell);
+    if (!split) {
+      ReferenceStack stack(std::move(job.references));
+      build_inline(stack, 0, job.cell, *subtree);
       subtree->node_count = subtree->nodes.size();
       subtree->reference_count = subtree->references.size();
       return subtree;
     }
+    Job first, second;
+    divide(job, *split, first, second);
     subtree->root = KdNode::inner(split->axis, split->plane, 0);
-    tbb::parallel_invoke([&] { subtree->children[0] = build(std::move(parts->first)); },
-                         [&] { subtree->children[1] = build(std::move(parts->second)); });
+    tbb::parallel_invoke([&] { subtree->children[0] = build(std::move(first)); },
+                         [&] { subtree->children[1] = build(std::move(second)); });
     const auto& [below, above] = subtree->children;
     subtree->node_count = 1 + below->node_count + above->node_count;
     subtree->reference_count = below->reference_count + above->reference_count;
@@ -69,69 +92,107 @@ class Builder {
   }
 
  private:
-  void build_inline(Job job, Subtree& out, SweepMemory& memory) const {
+  /// Builds over the references from `begin` to the top of `stack`, and takes them off.
+  void build_inline(ReferenceStack& stack, std::size_t begin, const Cell& cell, Subtree& out) const {
     const std::size_t self = out.nodes.size();
-    std::optional<std::pair<Job, Job>> parts;
-    const std::optional<KdSplit> split = choose(job, memory);
-    if (split) parts = divide(job, *split);
-    if (!parts) {
-      out.nodes.push_back(KdNode::leaf(out.references.size(), job.references.size()));
-      for (const KdReference& r : job.references) out.references.push_back(r.id);
+    const std::optional<KdSplit> split = choose(stack.from(begin), cell);
+    if (!split) {
+      out.nodes.push_back(KdNode::leaf(out.references.size(), stack.size() - begin));
+      for (const KdReference& r : stack.from(begin)) out.references.push_back(r.id);
+      stack.shrink(begin);
       return;
     }
+    // What goes above stays in place, closing ranks; what goes below is written on top and built first.
+    const std::size_t end = stack.size();
+    KdReference* const below = stack.room(end - begin);
+    KdReference* const above = stack.from(begin).data();
+    auto [lower, upper] = halves(cell, *split);
+    std::size_t below_count = 0, above_count = 0;
+    for (const KdReference& r : stack.from(begin)) {
+      const KdReference whole = r;
+      part(
+          whole, *split, lower.box, upper.box, [&](const KdReference& p) { below[below_count++] = p; },
+          [&](const KdReference& p) { above[above_count++] = p; });
+    }
+    share_budget(cell, below_count, above_count, lower, upper);
+    stack.grow(below_count);
     out.nodes.push_back(KdNode::leaf(0, 0));
-    build_inline(std::move(parts->first), out, memory);
+    build_inline(stack, end, lower, out);
     out.nodes[self] = KdNode::inner(split->axis, split->plane, out.nodes.size());
-    build_inline(std::move(parts->second), out, memory);
+    stack.shrink(begin + above_count);
+    build_inline(stack, begin, upper, out);
   }
 
-  /// None when the cell should be a leaf. A split worse than a leaf is taken a few times on a path, and only
-  /// when it separates something: a pile of equal triangles is not copied into both halves.
-  [[nodiscard]] static std::optional<KdSplit> choose(Job& job, SweepMemory& memory) {
-    const std::size_t n = job.references.size();
-    if (n == 0 || job.levels == 0) return std::nullopt;
-    const std::optional<KdSplit> split = find_split(job.references, job.cell, memory);
-    if (!split || split->cost < kTriangleCost * double(n)) return split;
-    if (job.bad_splits == 0 || n <= 2 || 2 * split->count > 3 * n) return std::nullopt;
-    --job.bad_splits;
+  /// None when the cell should be a leaf: no plane saves anything, or an allowance is used up.
+  [[nodiscard]] static std::optional<KdSplit> choose(std::span<const KdReference> references,
+                                                     const Cell& cell) {
+    const std::size_t n = references.size();
+    if (n < kSmallestSplit || cell.levels == 0) return std::nullopt;
+    const std::optional<KdSplit> split = find_split(references, cell.box);
+    if (!split || split->cost >= leaf_cost(n)) return std::nullopt;
+    std::size_t below = 0, above = 0;
+    for (const KdReference& r : references) {
+      below += std::size_t(split->goes_below(r));
+      above += std::size_t(split->goes_above(r));
+    }
+    if (std::max<std::size_t>(below, 1) + std::max<std::size_t>(above, 1) > cell.budget) return std::nullopt;
     return split;
   }
 
-  /// None when the children would hold more references than the budget allows; then `job` is untouched.
-  [[nodiscard]] std::optional<std::pair<Job, Job>> divide(Job& job, const KdSplit& split) const {
-    Bounds3f below = job.cell;
-    Bounds3f above = job.cell;
-    below.upper[split.axis] = above.lower[split.axis] = split.plane;
-    Job first{{}, below, job.levels - 1, job.bad_splits, 0};
-    Job second{{}, above, job.levels - 1, job.bad_splits, 0};
-    for (const KdReference& r : job.references) {
-      const bool goes_below = split.goes_below(r);
-      const bool goes_above = split.goes_above(r);
-      if (goes_below && goes_above) {
-        add_clipped(r, below, first.references);
-        add_clipped(r, above, second.references);
-      } else if (goes_below) {
-        first.references.push_back(r);
-      } else if (goes_above) {
-        second.references.push_back(r);
-      }
-    }
-    const std::size_t n0 = std::max<std::size_t>(first.references.size(), 1);
-    const std::size_t n1 = std::max<std::size_t>(second.references.size(), 1);
-    if (n0 + n1 > job.budget) return std::nullopt;
-    const std::size_t spare = job.budget - n0 - n1;
-    const auto spare_below = std::size_t(double(spare) * (double(n0) / double(n0 + n1)));
-    first.budget = n0 + std::min(spare, spare_below);
-    second.budget = job.budget - first.budget;
+  /// Parts `job`, freeing its references.
+  void divide(Job& job, const KdSplit& split, Job& first, Job& second) const {
+    std::tie(first.cell, second.cell) = halves(job.cell, split);
+    first.references.reserve(job.references.size() / 2);
+    second.references.reserve(job.references.size() / 2);
+    for (const KdReference& r : job.references)
+      part(
+          r, split, first.cell.box, second.cell.box,
+          [&](const KdReference& p) { first.references.push_back(p); },
+          [&](const KdReference& p) { second.references.push_back(p); });
+    share_budget(job.cell, first.references.size(), second.references.size(), first.cell, second.cell);
     std::vector<KdReference>().swap(job.references);
-    return std::pair{std::move(first), std::move(second)};
   }
 
-  void add_clipped(const KdReference& r, const Bounds3f& cell, std::vector<KdReference>& out) const {
+  static std::pair<Cell, Cell> halves(const Cell& cell, const KdSplit& split) {
+    std::pair<Cell, Cell> made{cell, cell};
+    made.first.box.upper[split.axis] = made.second.box.lower[split.axis] = split.plane;
+    --made.first.levels;
+    --made.second.levels;
+    return made;
+  }
+
+  static void share_budget(const Cell& cell, std::size_t below_count, std::size_t above_count, Cell& lower,
+                           Cell& upper) {
+    const std::size_t n0 = std::max<std::size_t>(below_count, 1);
+    const std::size_t n1 = std::max<std::size_t>(above_count, 1);
+    const std::size_t spare = cell.budget - n0 - n1;
+    const auto spare_below = std::size_t(double(spare) * (double(n0) / double(n0 + n1)));
+    lower.budget = n0 + std::min(spare, spare_below);
+    upper.budget = cell.budget - lower.budget;
+  }
+
+  /// Hands `r`, or the parts of it on either side of the plane, to the sides it goes to.
+  template <class Below, class Above>
+  void part(const KdReference& r, const KdSplit& split, const Bounds3f& lower, const Bounds3f& upper,
+            Below&& to_below, Above&& to_above) const {
+    const bool goes_below = split.goes_below(r);
+    const bool goes_above = split.goes_above(r);
+    if (goes_below && goes_above) {
+      if (const std::optional<KdReference> clipped = clip(r, lower)) to_below(*clipped);
+      if (const std::optional<KdReference> clipped = clip(r, upper)) to_above(*clipped);
+    } else if (goes_below) {
+      to_below(r);
+    } else if (goes_above) {
+      to_above(r);
+    }
+  }
+
+  [[nodiscard]] std::optional<KdReference> clip(const KdReference& r, const Bounds3f& cell) const {
     const std::optional<Bounds3f> box = clip_triangle(mesh_.corners(r.id), cell);
-    if (!box) return;
+    if (!box) return std::nullopt;
     const Bounds3f tight{glm::max(box->lower, r.lower), glm::min(box->upper, r.upper)};
-    if (!tight.empty()) out.push_back({tight.lower, r.id, tight.upper});
+    if (tight.empty()) return std::nullopt;
+    return KdReference{tight.lower, r.id, tight.upper};
   }
 
   const mesh::TriangleMesh& mesh_;
@@ -161,7 +222,7 @@ void flatten(std::unique_ptr<Subtree> subtree, KdTreeData& tree, std::size_t nod
 Job root_job(const mesh::TriangleMesh& mesh) {
   const std::size_t n = mesh.triangle_count();
   const auto levels = std::size_t(8.0 + 1.3 * std::log2(double(n)));
-  Job job{{}, mesh.bounds(), std::min(levels, kMaxKdDepth), kBadSplits, kMaxReferencesPerTriangle * n + 64};
+  Job job{{}, {mesh.bounds(), std::min(levels, kMaxKdDepth), kMaxReferencesPerTriangle * n + 64}};
   job.references.reserve(n);
   for (std::uint32_t id = 0; id < n; ++id) {
     const Bounds3f box = mesh.triangle_bounds(id);
