@@ -49,6 +49,7 @@ struct Part {
 class Packing {
  public:
   explicit Packing(const KdTreeData& tree) : tree_(tree), cost_(tree.nodes.size()) {
+    if (tree.nodes.empty()) return;
     measure();
     for (std::size_t i = tree.nodes.size(); i-- > 0;)
       if (!tree.nodes[i].is_leaf()) solve(i);

@@ -40,8 +40,9 @@ class KdNode {
 };
 static_assert(sizeof(KdNode) == 8);
 
-/// A kd-tree over the triangles of one mesh. A node's cell is the part of `bounds` that its ancestors' planes
-/// leave to it, closed on every side. Every point of a triangle lies in a leaf that lists the triangle.
+/// A kd-tree as it is built, before kd_layout.h packs it. A node's cell is the part of `bounds` that its
+/// ancestors' planes leave to it, closed on every side. Every point of a triangle lies in a leaf that lists
+/// the triangle.
 struct KdTreeData {
   Bounds3f bounds;
   std::vector<KdNode> nodes;  ///< nodes[0] is the root; empty for a mesh without triangles
@@ -52,15 +53,9 @@ struct KdTreeData {
 /// kMaxReferencesPerTriangle for each triangle, nodes below twice that.
 inline constexpr std::size_t kMaxKdTriangles = std::size_t(1) << 26;
 inline constexpr std::size_t kMaxReferencesPerTriangle = 7;
-/// No leaf lies deeper, so a traversal needs no more stack entries. The builder's own limit is
+/// No leaf of the binary tree lies deeper, which bounds the stack of a traversal. The builder's own limit is
 /// 8 + 1.3 log2 n ("On building fast kd-trees for ray tracing, and on doing that in O(N log N)", I. Wald,
 /// 2006), which is 42 for 2^26 triangles.
 inline constexpr std::size_t kMaxKdDepth = 42;
-
-/// One step to an inner node, in triangle tests: that of a BVH. One plane distance costs less than two box
-/// tests, but most triangle tests end at the first signs. Measured on a sphere of 327,680 triangles, a city
-/// of boxes and a soup: of 0.3, 1, 2, 4 and 8 this gave the fastest rays or close to it, and half the nodes
-/// of 0.3 on the soup.
-inline constexpr double kKdNodeCost = 2.0;
 
 }  // namespace gridcast::blas
