@@ -161,6 +161,31 @@ template bool Blas::intersect<Precision::kRobust>(const mesh::ObjectRay&, Hit&) 
 template bool Blas::occluded<Precision::kFast>(const mesh::ObjectRay&, double) const;
 template bool Blas::occluded<Precision::kRobust>(const mesh::ObjectRay&, double) const;
 
+bool Blas::has_packets() const {
+  return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);
+}
+
+template <Precision kPrecision>
+PacketResult Blas::intersect_packet(const RayPacket& packet, Hit* best) const {
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  if (wide == nullptr) return {};
+  return (*wide)->intersect_packet<kPrecision, false>(bounds_, packet, best);
+}
+
+template <Precision kPrecision>
+PacketResult Blas::occluded_packet(const RayPacket& packet) const {
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  if (wide == nullptr) return {};
+  Hit best[RayPacket::kSize];
+  for (std::size_t lane = 0; lane < RayPacket::kSize; ++lane) best[lane].t = packet.tfar[lane];
+  return (*wide)->intersect_packet<kPrecision, true>(bounds_, packet, best);
+}
+
+template PacketResult Blas::intersect_packet<Precision::kFast>(const RayPacket&, Hit*) const;
+template PacketResult Blas::intersect_packet<Precision::kRobust>(const RayPacket&, Hit*) const;
+template PacketResult Blas::occluded_packet<Precision::kFast>(const RayPacket&) const;
+template PacketResult Blas::occluded_packet<Precision::kRobust>(const RayPacket&) const;
+
 Status Blas::validate() const {
   return std::visit([&](const auto& structure) { return structure->validate(*mesh_); }, structure_);
 }

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <variant>
 
+#include "core/blas/ray_packet.h"
 #include "core/error.h"
 #include "core/math/hit.h"
 #include "core/mesh/object_ray.h"
@@ -83,6 +84,15 @@ class Blas {
   /// Any hit with t in [ray.tnear, tfar].
   template <Precision kPrecision>
   [[nodiscard]] bool occluded(const mesh::ObjectRay& ray, double tfar) const;
+
+  /// Whether this structure traces packets at all.
+  [[nodiscard]] bool has_packets() const;
+  /// intersect() or occluded() for the rays of a packet, lane by lane the same answers; best[lane].t starts
+  /// as tfar. Does nothing when the result says so.
+  template <Precision kPrecision>
+  PacketResult intersect_packet(const RayPacket& packet, Hit* best) const;
+  template <Precision kPrecision>
+  PacketResult occluded_packet(const RayPacket& packet) const;
 
   /// Checks every invariant of the structure against the mesh: boxes contain what is below them, every
   /// triangle is reachable, links are in range. The error says what and where.

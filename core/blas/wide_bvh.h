@@ -10,6 +10,7 @@
 
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
+#include "core/blas/ray_packet.h"
 #include "core/blas/triangle_block.h"
 
 namespace gridcast::blas {
@@ -71,6 +72,10 @@ class WideBvh {
 
   template <Precision kPrecision, bool kAnyHit>
   bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+
+  /// The same for a packet: best[lane] as `intersect` would leave it, lane by lane. `bounds` are the mesh's.
+  template <Precision kPrecision, bool kAnyHit>
+  PacketResult intersect_packet(const Bounds3f& bounds, const RayPacket& packet, Hit* best) const;
 
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;

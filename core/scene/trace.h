@@ -5,6 +5,7 @@
 
 #include "core/math/ray_batch.h"
 #include "core/scene/scene.h"
+#include "core/scene/trace_stats.h"
 
 namespace gridcast::scene {
 
@@ -22,6 +23,7 @@ struct TraceOptions {
   HitField fields = HitField::kAll;
   std::stop_token stop;  ///< checked at least every 4,096 rays
   ProgressCallback progress;
+  TraceStats* stats = nullptr;  ///< where to say how the batch was traced; null = nobody asks
 };
 
 /// A batch over all cores, answers in the order of the rays. Only error: kCancelled.

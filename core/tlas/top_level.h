@@ -68,6 +68,10 @@ class TopLevel {
   [[nodiscard]] const Bounds3d& bounds() const { return bounds_; }  ///< holds every box
   [[nodiscard]] std::size_t slots() const { return entries_.size(); }
   [[nodiscard]] InstanceBox box(std::uint32_t instance_id) const { return entries_[instance_id].box(); }
+  /// The instance that `traverse` can visit, where there is no other.
+  [[nodiscard]] std::optional<std::uint32_t> sole_instance() const {
+    return !grid_ && always_.size() == 1 ? std::optional(always_.front()) : std::nullopt;
+  }
   [[nodiscard]] TopLevelKind kind() const {
     return grid_.has_value() ? TopLevelKind::kUniformGrid : TopLevelKind::kNone;
   }

@@ -1,0 +1,155 @@
+#include "core/scene/batch_trace.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/scene/trace_one.h"
+
+namespace gridcast::scene {
+namespace {
+
+using blas::PacketResult;
+using blas::RayPacket;
+
+/// A quick look at the two ends of sixteen rays, before any work is done for them together; the packet's own
+/// set-up looks at all.
+bool may_be_close(const Ray& a, const Ray& b) {
+  const double size_a = max_abs(a.direction);
+  const double size_b = max_abs(b.direction);
+  return max_abs(a.direction * size_b - b.direction * size_a) <=
+         2.0 * blas::kMaxPacketSlopes * size_a * size_b;
+}
+
+/// Fills the packet's lanes with the rays `index[0 .. count)` in the object space of the target's only
+/// instance.
+void fill_packet(const BatchTarget& target, const RayRun& run, const std::uint32_t* index,
+                 RayPacket& packet) {
+  const InstanceTransform& transform = target.sole->transform;
+  for (std::size_t lane = 0; lane < RayPacket::kSize; ++lane) {
+    const std::size_t i = index[std::min(lane, std::size_t(packet.count) - 1)];
+    const Ray& ray = run.rays[i];
+    packet.set(lane, {transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
+                      ray.tnear, ray.tfar});
+    const PrimitiveRef excluded = run.excluded.empty() ? PrimitiveRef{} : run.excluded[i];
+    packet.excluded_primitive[lane] =
+        excluded.instance_id == target.sole_id ? excluded.primitive_id : kInvalidId;
+  }
+  packet.instance_id = target.sole_id;
+}
+
+template <Precision kPrecision, bool kAnyHit>
+void trace_single(const BatchTarget& target, RayRun& run, std::size_t i) {
+  const Ray& ray = run.rays[i];
+  const PrimitiveRef excluded = run.excluded.empty() ? PrimitiveRef{} : run.excluded[i];
+  bool hit = false;
+  if (target.sole != nullptr) {
+    const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
+    mesh::ObjectRay object_ray;
+    if (prepare_for(object_ray, target.sole->transform, blas, ray, ray.tfar, target.sole_id, excluded)) {
+      if constexpr (kAnyHit) {
+        hit = blas.template occluded<kPrecision>(object_ray, ray.tfar);
+      } else {
+        blas.template intersect<kPrecision>(object_ray, run.hits[i]);
+      }
+    }
+  } else if constexpr (kAnyHit) {
+    hit = any_hit<kPrecision>(target.scene, ray, excluded);
+  } else {
+    closest_hit<kPrecision>(target.scene, ray, excluded, run.hits[i]);
+  }
+  if constexpr (!kAnyHit) hit = run.hits[i].valid();
+  run.status[i] = hit ? RayStatus::kHit : RayStatus::kMiss;
+  ++run.single_rays;
+}
+
+/// The rays index[0 .. count) together. False when they are too far apart.
+template <Precision kPrecision, bool kAnyHit>
+bool trace_together(const BatchTarget& target, RayRun& run, const std::uint32_t* index, std::uint32_t count) {
+  if (!may_be_close(run.rays[index[0]], run.rays[index[count - 1]])) return false;
+  const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
+  RayPacket packet;
+  packet.count = count;
+  fill_packet(target, run, index, packet);
+  PacketResult result;
+  if constexpr (kAnyHit) {
+    result = blas.template occluded_packet<kPrecision>(packet);
+  } else {
+    Hit best[RayPacket::kSize];
+    for (std::uint32_t lane = 0; lane < RayPacket::kSize; ++lane) best[lane].t = packet.tfar[lane];
+    result = blas.template intersect_packet<kPrecision>(packet, best);
+    if (result.traced)
+      for (std::uint32_t lane = 0; lane < count; ++lane) run.hits[index[lane]] = best[lane];
+  }
+  if (!result.traced) return false;
+  for (std::uint32_t lane = 0; lane < count; ++lane)
+    run.status[index[lane]] = (result.hits >> lane & 1U) != 0 ? RayStatus::kHit : RayStatus::kMiss;
+  run.packet_rays += count;
+  return true;
+}
+
+/// Fewer rays than this are not worth a packet's set-up.
+constexpr std::uint32_t kFewestTogether = 4;
+
+}  // namespace
+
+BatchTarget::BatchTarget(const Scene& whole) : scene(whole) {
+  const std::optional<std::uint32_t> id = whole.top_level().sole_instance();
+  if (!id) return;
+  sole = &whole.instance(*id);
+  sole_id = *id;
+}
+
+void RayRun::load(const RayBatch& batch, std::span<const std::uint32_t> permutation, std::size_t begin,
+                  std::size_t end) {
+  const std::size_t count = end - begin;
+  rays.resize(count);
+  excluded.resize(batch.excluded.empty() ? 0 : count);
+  const auto source = [&](std::size_t i) {
+    return permutation.empty() ? begin + i : std::size_t(permutation[begin + i]);
+  };
+  // The rows of a permutation are all over memory: ask for them early.
+  constexpr std::size_t kAhead = 16;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!permutation.empty() && i + kAhead < count)
+      __builtin_prefetch(batch.bytes.data() + source(i + kAhead) * batch.row_bytes());
+    rays[i] = batch[source(i)];
+  }
+  for (std::size_t i = 0; i < excluded.size(); ++i) {
+    const std::size_t k = source(i);
+    excluded[i] = k < batch.excluded.size() ? batch.excluded[k] : PrimitiveRef{};
+  }
+}
+
+template <Precision kPrecision, bool kAnyHit>
+void trace_run(const BatchTarget& target, RayRun& run) {
+  const std::size_t count = run.rays.size();
+  run.status.resize(count);
+  if constexpr (!kAnyHit) run.hits.resize(count);
+  const bool packets = target.sole != nullptr && target.scene.blas(target.sole->mesh_id).has_packets();
+  std::uint32_t together[RayPacket::kSize];
+  std::uint32_t waiting = 0;
+  const auto flush = [&] {
+    if (waiting < kFewestTogether || !trace_together<kPrecision, kAnyHit>(target, run, together, waiting))
+      for (std::uint32_t k = 0; k < waiting; ++k) trace_single<kPrecision, kAnyHit>(target, run, together[k]);
+    waiting = 0;
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    if constexpr (!kAnyHit) run.hits[i] = Hit{.t = run.rays[i].tfar};
+    if (!is_valid(run.rays[i])) {
+      run.status[i] = RayStatus::kInvalid;
+    } else if (packets) {
+      together[waiting++] = std::uint32_t(i);
+      if (waiting == RayPacket::kSize) flush();
+    } else {
+      trace_single<kPrecision, kAnyHit>(target, run, i);
+    }
+  }
+  flush();
+}
+
+template void trace_run<Precision::kFast, false>(const BatchTarget&, RayRun&);
+template void trace_run<Precision::kFast, true>(const BatchTarget&, RayRun&);
+template void trace_run<Precision::kRobust, false>(const BatchTarget&, RayRun&);
+template void trace_run<Precision::kRobust, true>(const BatchTarget&, RayRun&);
+
+}  // namespace gridcast::scene

@@ -1,0 +1,46 @@
+#pragma once
+// A run of rays of a batch: packets where neighbours are close, single rays where not.
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/blas/ray_packet.h"
+#include "core/math/hit.h"
+#include "core/math/ray_batch.h"
+#include "core/scene/scene.h"
+
+namespace gridcast::scene {
+
+/// What is the same for all rays of a batch.
+struct BatchTarget {
+  explicit BatchTarget(const Scene& whole);
+
+  const Scene& scene;
+  /// The only instance that can be hit, where there is but one: no top level is needed then, and packets go
+  /// straight to its tree.
+  const Instance* sole = nullptr;
+  std::uint32_t sole_id = kInvalidId;
+};
+
+/// A run of rays and their answers, reused from run to run of a task.
+struct RayRun {
+  std::vector<Ray> rays;
+  std::vector<PrimitiveRef> excluded;
+  std::vector<RayStatus> status;
+  std::vector<Hit> hits;  ///< closest only
+  std::uint64_t packet_rays = 0;
+  std::uint64_t single_rays = 0;
+
+  /// Rays [begin, end) of the batch, or of its permutation where that is not empty.
+  void load(const RayBatch& batch, std::span<const std::uint32_t> permutation, std::size_t begin,
+            std::size_t end);
+};
+
+/// Sets `status`, and for the closest hit `hits`, of every ray of the run.
+template <Precision kPrecision, bool kAnyHit>
+void trace_run(const BatchTarget& target, RayRun& run);
+
+}  // namespace gridcast::scene

@@ -1,0 +1,53 @@
+#pragma once
+// One ray through both levels: what single rays and batches share.
+
+#include <limits>
+
+#include "core/mesh/object_ray.h"
+#include "core/scene/scene.h"
+
+namespace gridcast::scene {
+
+/// `ray` in the object space of an instance, ready for its tree. False when it misses the mesh's box.
+inline bool prepare_for(mesh::ObjectRay& prepared, const InstanceTransform& transform, const blas::Blas& blas,
+                        const Ray& ray, double far, std::uint32_t instance_id, const PrimitiveRef& excluded) {
+  const Ray object{transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
+                   ray.tnear, far};
+  if (!prepared.prepare(object, blas.bounds())) return false;
+  prepared.instance_id = instance_id;
+  prepared.excluded_primitive = excluded.instance_id == instance_id ? excluded.primitive_id : kInvalidId;
+  return true;
+}
+
+/// The closest hit of a valid ray, starting from best.t = ray.tfar.
+template <Precision kPrecision>
+inline void closest_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
+  mesh::ObjectRay object_ray;
+  scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
+    const Instance& instance = scene.instance(id);
+    const blas::Blas& blas = scene.blas(instance.mesh_id);
+    if (prepare_for(object_ray, instance.transform, blas, ray, best.t, id, excluded))
+      blas.template intersect<kPrecision>(object_ray, best);
+    return best.t;
+  });
+}
+
+/// Whether a valid ray hits anything.
+template <Precision kPrecision>
+inline bool any_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
+  bool hit = false;
+  mesh::ObjectRay object_ray;
+  scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
+    const Instance& instance = scene.instance(id);
+    const blas::Blas& blas = scene.blas(instance.mesh_id);
+    hit = prepare_for(object_ray, instance.transform, blas, ray, ray.tfar, id, excluded) &&
+          blas.template occluded<kPrecision>(object_ray, ray.tfar);
+    return hit ? -std::numeric_limits<double>::infinity() : ray.tfar;
+  });
+  return hit;
+}
+
+/// Unit world normal of the geometric kind, from the corners in double.
+[[nodiscard]] Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray);
+
+}  // namespace gridcast::scene
