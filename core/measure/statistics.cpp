@@ -1,0 +1,39 @@
+#include "core/measure/statistics.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace gridcast::measure {
+namespace {
+
+/// Linear interpolation between the sorted samples.
+double quantile(const Samples& sorted, double q) {
+  const double at = q * double(sorted.size() - 1);
+  const auto below = std::size_t(std::floor(at));
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  return sorted[below] + (at - double(below)) * (sorted[above] - sorted[below]);
+}
+
+}  // namespace
+
+double median(Samples samples) {
+  if (samples.empty()) return 0.0;
+  std::sort(samples.begin(), samples.end());
+  return quantile(samples, 0.5);
+}
+
+double spread(Samples samples) {
+  if (samples.size() < 2) return 0.0;
+  std::sort(samples.begin(), samples.end());
+  const double middle = quantile(samples, 0.5);
+  return middle > 0.0 ? (quantile(samples, 0.75) - quantile(samples, 0.25)) / middle : 0.0;
+}
+
+double speedup(const Samples& ours_s, const Samples& theirs_s) {
+  Samples ratios;
+  for (std::size_t i = 0; i < std::min(ours_s.size(), theirs_s.size()); ++i)
+    if (ours_s[i] > 0.0) ratios.push_back(theirs_s[i] / ours_s[i]);
+  return median(std::move(ratios));
+}
+
+}  // namespace gridcast::measure

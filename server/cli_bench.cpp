@@ -1,0 +1,86 @@
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <utility>
+
+#include "core/measure/bench.h"
+#include "core/measure/embree_yardstick.h"
+#include "server/cli_bench_options.h"
+#include "server/cli_bench_report.h"
+#include "server/cli_common.h"
+#include "server/signals.h"
+
+namespace gridcast::server {
+namespace {
+
+class BenchCommand final : public Command {
+ public:
+  explicit BenchCommand(CLI::App& app) : Command(app) { add_bench_options(app, request_); }
+
+  int run(const std::stop_token& stop) override {
+    stop_ = stop;
+    options_ = request_.options(stop);
+    print_head();
+    const int code = request_.file.empty() ? measure_generated() : measure_file();
+    if (code != kExitDone) return code;
+    const std::uint64_t wrong = wrong_answers(report_);
+    if (wrong == 0) return kExitDone;
+    std::fprintf(stderr, "gridcast: %llu answers differ that must not\n",
+                 static_cast<unsigned long long>(wrong));
+    return kExitFailed;
+  }
+
+ private:
+  void print_head() const {
+    if (request_.quiet) return;
+    const measure::EmbreeInfo embree = measure::embree_info();
+    std::printf("Embree %s (assertions compiled in: %s), %s rays a set, %zu repetitions, seed %llu\n",
+                embree.version.c_str(), embree.assertions.c_str(), grouped(options_.rays).c_str(),
+                options_.repeat, static_cast<unsigned long long>(request_.seed));
+  }
+
+  int measure_generated() {
+    for (const std::string& name : request_.scene_names()) {
+      auto scene = measure::make_scene(name, request_.seed, request_.scene_size());
+      if (!scene) return report("bench", scene.error());
+      if (const int code = measure_scene(*scene); code != kExitDone) return code;
+    }
+    return kExitDone;
+  }
+
+  int measure_file() {
+    FileOptions file;
+    file.path = request_.file;
+    file.quiet = request_.quiet;
+    const auto loaded = load_for_command(file, stop_);
+    if (!loaded) return stop_.stop_requested() ? kExitInterrupted : kExitFailed;
+    const std::string name = std::filesystem::path(request_.file).stem().string();
+    return measure_scene(measure::framed_scene(name, loaded->scene->data(), loaded->scene->bounds()));
+  }
+
+  int measure_scene(const measure::BenchScene& scene) {
+    Status status = ok_status();
+    {
+      ProgressBar bar("measuring " + scene.name, request_.verbosity());
+      status = measure::bench_rays(scene, options_, report_, bar.callback());
+    }
+    if (!request_.quiet) print_new_rows(report_, printed_);
+    return status ? kExitDone : report(scene.name, status.error());
+  }
+
+  static int report(const std::string& what, const Error& error) { return server::report(what, error); }
+
+  BenchRequest request_;
+  measure::BenchOptions options_;
+  measure::Report report_, printed_;
+  std::stop_token stop_;
+};
+
+}  // namespace
+
+std::unique_ptr<Command> make_bench_command(CLI::App& program) {
+  return std::make_unique<BenchCommand>(
+      *program.add_subcommand("bench", "Measure speed beside Embree, on generated scenes or a file"));
+}
+
+}  // namespace gridcast::server
