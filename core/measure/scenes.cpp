@@ -44,8 +44,8 @@ BenchScene lattice(std::uint64_t seed, double size) {
                               {{1.6 * extent, 1.1 * extent, 1.9 * extent}, Vec3d(0.45 * extent)});
   Random random(seed + 100);
   for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t layer = i / side;
-    const Vec3d cell{double(i % side), double(layer % side), double(layer / side)};
+    const std::size_t row = i / side, layer = row / side;
+    const Vec3d cell{double(i % side), double(row % side), double(layer)};
     place(scene, kSpacing * (cell + random.in_box(0.25)), random.uniform(0.5, 1.0), random.rotation());
   }
   return scene;
