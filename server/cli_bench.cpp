@@ -3,8 +3,11 @@
 #include <string>
 #include <utility>
 
+#include "core/io/image.h"
 #include "core/measure/bench.h"
 #include "core/measure/embree_yardstick.h"
+#include "server/bench_serve.h"
+#include "server/cli_bench_json.h"
 #include "server/cli_bench_options.h"
 #include "server/cli_bench_report.h"
 #include "server/cli_common.h"
@@ -20,9 +23,14 @@ class BenchCommand final : public Command {
   int run(const std::stop_token& stop) override {
     stop_ = stop;
     options_ = request_.options(stop);
-    print_head();
+    if (!request_.quiet) print_head();
     const int code = request_.file.empty() ? measure_generated() : measure_file();
     if (code != kExitDone) return code;
+    if (!request_.json_path.empty()) {
+      const std::string text = bench_json(report_, options_, request_.scene_size());
+      const Status written = io::write_file(request_.json_path, std::as_bytes(std::span(text)));
+      if (!written) return report(request_.json_path, written.error());
+    }
     const std::uint64_t wrong = wrong_answers(report_);
     if (wrong == 0) return kExitDone;
     std::fprintf(stderr, "gridcast: %llu answers differ that must not\n",
@@ -32,7 +40,6 @@ class BenchCommand final : public Command {
 
  private:
   void print_head() const {
-    if (request_.quiet) return;
     const measure::EmbreeInfo embree = measure::embree_info();
     std::printf("Embree %s (assertions compiled in: %s), %s rays a set, %zu repetitions, seed %llu\n",
                 embree.version.c_str(), embree.assertions.c_str(), grouped(options_.rays).c_str(),
@@ -58,13 +65,34 @@ class BenchCommand final : public Command {
     return measure_scene(measure::framed_scene(name, loaded->scene->data(), loaded->scene->bounds()));
   }
 
+  using Section = Status (*)(const measure::BenchScene&, const measure::BenchOptions&, measure::Report&,
+                             const scene::ProgressCallback&);
+
   int measure_scene(const measure::BenchScene& scene) {
-    Status status = ok_status();
-    {
-      ProgressBar bar("measuring " + scene.name, request_.verbosity());
-      status = measure::bench_rays(scene, options_, report_, bar.callback());
+    // Instances of one generated mesh: its tree has been measured as a scene of its own.
+    const bool has_own_mesh = measure::is_single_mesh(scene.data) || !request_.file.empty();
+    const std::pair<const char*, Section> sections[] = {
+        {"rays", measure::bench_rays},
+        {"build", has_own_mesh ? measure::bench_builds : nullptr},
+        {"refit", has_own_mesh ? measure::bench_refits : nullptr},
+        {"instances", measure::bench_instances},
+        {"serve", bench_serve}};
+    for (const auto& [name, section] : sections) {
+      if (section == nullptr || !request_.wants(name)) continue;
+      const int code = run_section(name, section, scene);
+      if (!request_.quiet) print_new_rows(report_, printed_);
+      if (code != kExitDone) return code;
     }
-    if (!request_.quiet) print_new_rows(report_, printed_);
+    return kExitDone;
+  }
+
+  int run_section(const std::string& name, Section section, const measure::BenchScene& scene) {
+    measure::BenchOptions options = options_;
+    // One coherent and one incoherent set say what HTTP costs.
+    if (name == "serve" && request_.sets.empty())
+      options.sets = {measure::RaySetKind::kPrimary, measure::RaySetKind::kDiffuseShuffled};
+    ProgressBar bar("measuring " + scene.name + ", " + name, request_.verbosity());
+    const Status status = section(scene, options, report_, bar.callback());
     return status ? kExitDone : report(scene.name, status.error());
   }
 

@@ -2,6 +2,8 @@
 
 #include <cstdio>
 
+#include "server/cli_common.h"
+
 namespace gridcast::server {
 namespace {
 
@@ -38,11 +40,66 @@ void print_checks(const measure::Report& report, std::size_t from) {
   }
 }
 
+void print_builds(const measure::Report& report, std::size_t from) {
+  if (report.build.size() == from) return;
+  std::printf("\n%-6s %-9s %-15s %4s %11s %10s %9s %7s %9s %9s %8s %7s\n", "scene", "engine", "build", "thr.",
+              "triangles", "ms", "Mtri/s", "spread", "bytes/tri", "mesh b/t", "x medium", "x low");
+  for (std::size_t i = from; i < report.build.size(); ++i) {
+    const measure::BuildRow& row = report.build[i];
+    std::printf("%-6s %-9s %-15s %4zu %11s %10.2f %9.2f %5.1f %% %9.1f %9.1f %8s %7s\n", row.scene.c_str(),
+                row.engine.c_str(), row.structure.c_str(), row.threads, grouped(row.triangles).c_str(),
+                row.ms, row.mtriangles_per_s, 100.0 * row.spread, row.bytes_per_triangle,
+                row.mesh_bytes_per_triangle, ratio_text(row.vs_embree_medium).c_str(),
+                ratio_text(row.vs_embree_low).c_str());
+  }
+}
+
+void print_refits(const measure::Report& report, std::size_t from) {
+  if (report.refit.size() == from) return;
+  std::printf("\n%-6s %-9s %-15s %4s %11s %10s %9s %7s %7s\n", "scene", "engine", "refit", "thr.",
+              "triangles", "ms", "Mtri/s", "spread", "x refit");
+  for (std::size_t i = from; i < report.refit.size(); ++i) {
+    const measure::RefitRow& row = report.refit[i];
+    std::printf("%-6s %-9s %-15s %4zu %11s %10.2f %9.2f %5.1f %% %7s\n", row.scene.c_str(),
+                row.engine.c_str(), row.structure.c_str(), row.threads, grouped(row.triangles).c_str(),
+                row.ms, row.mtriangles_per_s, 100.0 * row.spread, ratio_text(row.vs_embree_refit).c_str());
+  }
+}
+
+void print_instances(const measure::Report& report, std::size_t from) {
+  if (report.instances.size() == from) return;
+  std::printf("\n%-6s %-9s %-15s %-18s %4s %10s %10s %9s %7s %10s %8s\n", "scene", "engine", "structure",
+              "update", "thr.", "moved", "ms", "ns/moved", "spread", "bytes/inst", "x embree");
+  for (std::size_t i = from; i < report.instances.size(); ++i) {
+    const measure::InstanceRow& row = report.instances[i];
+    std::printf("%-6s %-9s %-15s %-18s %4zu %10s %10.2f %9.0f %5.1f %% %10.1f %8s\n", row.scene.c_str(),
+                row.engine.c_str(), row.structure.c_str(), row.update.c_str(), row.threads,
+                grouped(row.moved).c_str(), row.ms, row.ns_per_moved, 100.0 * row.spread,
+                row.bytes_per_instance, ratio_text(row.vs_embree).c_str());
+  }
+}
+
+void print_serve(const measure::Report& report, std::size_t from) {
+  if (report.serve.size() == from) return;
+  std::printf("\n%-6s %-17s %4s %10s %9s %7s %13s\n", "scene", "over HTTP", "thr.", "rays", "Mrays/s",
+              "spread", "x in process");
+  for (std::size_t i = from; i < report.serve.size(); ++i) {
+    const measure::ServeRow& row = report.serve[i];
+    std::printf("%-6s %-17s %4zu %10s %9.3f %5.1f %% %13s\n", row.scene.c_str(), row.set.c_str(), row.threads,
+                grouped(row.rays).c_str(), row.mrays_per_s, 100.0 * row.spread,
+                ratio_text(row.vs_in_process).c_str());
+  }
+}
+
 }  // namespace
 
 void print_new_rows(const measure::Report& report, measure::Report& printed) {
   print_rays(report, printed.rays.size());
   print_checks(report, printed.checks.size());
+  print_builds(report, printed.build.size());
+  print_refits(report, printed.refit.size());
+  print_instances(report, printed.instances.size());
+  print_serve(report, printed.serve.size());
   std::fflush(stdout);
   printed = report;
 }

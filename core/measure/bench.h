@@ -32,4 +32,14 @@ struct BenchOptions {
 [[nodiscard]] Status bench_rays(const BenchScene& bench_scene, const BenchOptions& options, Report& report,
                                 const scene::ProgressCallback& progress);
 
+/// Building and refitting the tree of the scene's first mesh, ours and Embree's.
+[[nodiscard]] Status bench_builds(const BenchScene& bench_scene, const BenchOptions& options, Report& report,
+                                  const scene::ProgressCallback& progress);
+[[nodiscard]] Status bench_refits(const BenchScene& bench_scene, const BenchOptions& options, Report& report,
+                                  const scene::ProgressCallback& progress);
+
+/// Moving all and one in a hundred of the instances. Does nothing for a scene of one instance.
+[[nodiscard]] Status bench_instances(const BenchScene& bench_scene, const BenchOptions& options,
+                                     Report& report, const scene::ProgressCallback& progress);
+
 }  // namespace gridcast::measure

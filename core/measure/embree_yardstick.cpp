@@ -20,12 +20,6 @@
 namespace gridcast::measure {
 namespace {
 
-#if RTC_VERSION >= 40300
-constexpr bool kHasInstanceArrays = true;
-#else
-constexpr bool kHasInstanceArrays = false;
-#endif
-
 enum class Coherence { kNone, kCoherent };
 
 #if RTC_VERSION_MAJOR >= 4
@@ -191,16 +185,8 @@ std::array<float, 12> to_embree(const Affine& affine) {
   return columns;
 }
 
-struct MemoryCount {
-  std::atomic<std::int64_t> now = 0, peak = 0;
-};
-
-bool on_memory(void* user, ssize_t bytes, bool /*after*/) {
-  auto& count = *static_cast<MemoryCount*>(user);
-  const std::int64_t now = count.now += bytes;
-  std::int64_t peak = count.peak;
-  while (now > peak && !count.peak.compare_exchange_weak(peak, now)) {
-  }
+bool on_memory(void* count, ssize_t bytes, bool /*after*/) {
+  static_cast<std::atomic<std::int64_t>*>(count)->fetch_add(bytes, std::memory_order_relaxed);
   return true;
 }
 
@@ -234,7 +220,6 @@ EmbreeInfo embree_info() {
   EmbreeInfo info;
   info.headers = RTC_VERSION_STRING;
   info.assertions = assertions_of_library();
-  info.instance_arrays = kHasInstanceArrays;
   RTCDevice device = rtcNewDevice(nullptr);
   if (device == nullptr) return info;
   const auto property = [&](RTCDeviceProperty which) { return rtcGetDeviceProperty(device, which); };
@@ -250,7 +235,8 @@ EmbreeInfo embree_info() {
 }
 
 struct EmbreeScene::State {
-  MemoryCount memory;
+  std::atomic<std::int64_t> memory_bytes = 0;
+  std::int64_t mesh_memory_bytes = 0;
   EmbreeOptions options;
   RTCDevice device = nullptr;
   RTCScene top = nullptr;
@@ -308,6 +294,7 @@ struct EmbreeScene::State {
       attach_mesh(meshes.back(), mesh);
       rtcCommitScene(meshes.back());
     }
+    mesh_memory_bytes = memory_bytes;
     for (std::size_t i = 0; i < data.instances.size(); ++i) {
       const scene::InstanceData& instance = data.instances[i];
       if (!InstanceTransform(instance.world_from_object).active()) continue;
@@ -338,7 +325,7 @@ Result<std::unique_ptr<EmbreeScene>> EmbreeScene::build(const scene::SceneData& 
   state.device = rtcNewDevice(nullptr);
   if (state.device == nullptr)
     return Error{ErrorCode::kUnsupported, "Embree does not run on this processor", {}};
-  rtcSetDeviceMemoryMonitorFunction(state.device, on_memory, &state.memory);
+  rtcSetDeviceMemoryMonitorFunction(state.device, on_memory, &state.memory_bytes);
   state.top = state.new_scene();
   if (is_single_mesh(data))
     state.attach_mesh(state.top, data.meshes[data.instances[0].mesh_id]);
@@ -385,11 +372,11 @@ Status EmbreeScene::move_instances(std::span<const Move> moves) {
 }
 
 std::size_t EmbreeScene::memory_bytes() const {
-  return std::size_t(std::max<std::int64_t>(0, state_->memory.now));
+  return std::size_t(std::max<std::int64_t>(0, state_->memory_bytes));
 }
 
-std::size_t EmbreeScene::peak_memory_bytes() const {
-  return std::size_t(std::max<std::int64_t>(0, state_->memory.peak));
+std::size_t EmbreeScene::mesh_memory_bytes() const {
+  return std::size_t(std::max<std::int64_t>(0, state_->mesh_memory_bytes));
 }
 
 }  // namespace gridcast::measure

@@ -21,8 +21,6 @@ enum class EmbreeMode : std::uint8_t { kDefault, kRobust };
 enum class EmbreeMemory : std::uint8_t { kDefault, kCompact };
 /// kDynamic: vertices and transforms will change; Embree then builds what it can update.
 enum class EmbreeUse : std::uint8_t { kStatic, kDynamic };
-/// How instances are handed over; arrays came with Embree 4.3.
-enum class EmbreeInstancing : std::uint8_t { kInstances, kArray };
 /// How rays are handed over.
 enum class EmbreeEntry : std::uint8_t { kSingle, kPacket8, kPacket16, kPacket16Coherent };
 
@@ -36,7 +34,6 @@ struct EmbreeOptions {
   EmbreeMode mode = EmbreeMode::kDefault;
   EmbreeMemory memory = EmbreeMemory::kDefault;
   EmbreeUse use = EmbreeUse::kStatic;
-  EmbreeInstancing instancing = EmbreeInstancing::kInstances;
 };
 
 struct EmbreeInfo {
@@ -45,7 +42,6 @@ struct EmbreeInfo {
   std::string tasking;     ///< internal, tbb or ppl
   std::string assertions;  ///< whether the library was compiled with assertions: yes, no or unknown
   bool native_packet8 = false, native_packet16 = false;
-  bool instance_arrays = false;
 };
 [[nodiscard]] EmbreeInfo embree_info();
 
@@ -87,7 +83,8 @@ class EmbreeScene {
 
   /// What Embree allocated: trees and its own tables, without the vertices and indices, which we lend it.
   [[nodiscard]] std::size_t memory_bytes() const;
-  [[nodiscard]] std::size_t peak_memory_bytes() const;  ///< since the build began
+  /// What it had allocated when the trees of the instanced meshes were done; 0 for a single mesh.
+  [[nodiscard]] std::size_t mesh_memory_bytes() const;
 
  private:
   struct State;

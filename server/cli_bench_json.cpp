@@ -1,0 +1,155 @@
+#include "server/cli_bench_json.h"
+
+#include <fstream>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "core/measure/embree_yardstick.h"
+#include "server/instruction_set.h"
+
+namespace gridcast::server {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string cpu_name() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    const std::size_t colon = line.find(": ");
+    if (line.rfind("model name", 0) == 0 && colon != std::string::npos) return line.substr(colon + 2);
+  }
+  return "unknown";
+}
+
+/// Of the sets that our kernels choose from at run time, those that this CPU has.
+Json cpu_instruction_sets() {
+  Json sets = Json::array();
+#if defined(__x86_64__)
+  if (__builtin_cpu_supports("sse4.2") != 0) sets.push_back("sse4.2");
+  if (__builtin_cpu_supports("avx2") != 0) sets.push_back("avx2");
+  if (__builtin_cpu_supports("avx512f") != 0) sets.push_back("avx512");
+#elif defined(__ARM_NEON)
+  sets.push_back("neon");
+#endif
+  return sets;
+}
+
+Json machine() {
+  const measure::EmbreeInfo embree = measure::embree_info();
+  return {{"cpu", cpu_name()},
+          {"threads", std::thread::hardware_concurrency()},
+          {"cpu_isa", cpu_instruction_sets()},
+          {"compiled_isa", instruction_set()},
+          {"compiler", __VERSION__},
+          {"gridcast", GRIDCAST_VERSION},
+          {"embree",
+           {{"version", embree.version},
+            {"headers", embree.headers},
+            {"tasking", embree.tasking},
+            {"assertions", embree.assertions},
+            {"native_packet8", embree.native_packet8},
+            {"native_packet16", embree.native_packet16}}}};
+}
+
+Json row_of(const measure::RayRow& row) {
+  return {{"scene", row.scene},
+          {"set", row.set},
+          {"engine", row.engine},
+          {"structure", row.structure},
+          {"precision", row.precision},
+          {"entry", row.entry},
+          {"threads", row.threads},
+          {"mrays_per_s", row.mrays_per_s},
+          {"spread", row.spread},
+          {"vs_embree_default", row.vs_embree_default},
+          {"vs_embree_robust", row.vs_embree_robust}};
+}
+Json row_of(const measure::CheckRow& row) {
+  return {{"scene", row.scene},
+          {"set", row.set},
+          {"structure", row.structure},
+          {"precision", row.precision},
+          {"entry", row.entry},
+          {"threads", row.threads},
+          {"rays", row.rays},
+          {"hits", row.hits},
+          {"differs", row.differs},
+          {"brute_force_rays", row.brute_force_rays},
+          {"brute_force_differs", row.brute_force_differs},
+          {"embree_differs", row.embree_differs}};
+}
+Json row_of(const measure::BuildRow& row) {
+  return {{"scene", row.scene},
+          {"engine", row.engine},
+          {"structure", row.structure},
+          {"threads", row.threads},
+          {"triangles", row.triangles},
+          {"ms", row.ms},
+          {"mtriangles_per_s", row.mtriangles_per_s},
+          {"spread", row.spread},
+          {"bytes_per_triangle", row.bytes_per_triangle},
+          {"mesh_bytes_per_triangle", row.mesh_bytes_per_triangle},
+          {"vs_embree_medium", row.vs_embree_medium},
+          {"vs_embree_low", row.vs_embree_low}};
+}
+Json row_of(const measure::RefitRow& row) {
+  return {{"scene", row.scene},
+          {"engine", row.engine},
+          {"structure", row.structure},
+          {"threads", row.threads},
+          {"triangles", row.triangles},
+          {"ms", row.ms},
+          {"mtriangles_per_s", row.mtriangles_per_s},
+          {"spread", row.spread},
+          {"vs_embree_refit", row.vs_embree_refit}};
+}
+Json row_of(const measure::InstanceRow& row) {
+  return {{"scene", row.scene},
+          {"engine", row.engine},
+          {"structure", row.structure},
+          {"update", row.update},
+          {"threads", row.threads},
+          {"instances", row.instances},
+          {"moved", row.moved},
+          {"ms", row.ms},
+          {"ns_per_moved", row.ns_per_moved},
+          {"spread", row.spread},
+          {"bytes_per_instance", row.bytes_per_instance},
+          {"vs_embree", row.vs_embree}};
+}
+Json row_of(const measure::ServeRow& row) {
+  return {{"scene", row.scene},
+          {"set", row.set},
+          {"threads", row.threads},
+          {"rays", row.rays},
+          {"mrays_per_s", row.mrays_per_s},
+          {"spread", row.spread},
+          {"vs_in_process", row.vs_in_process}};
+}
+
+template <class Row>
+Json rows_of(const std::vector<Row>& rows) {
+  Json array = Json::array();
+  for (const Row& row : rows) array.push_back(row_of(row));
+  return array;
+}
+
+}  // namespace
+
+std::string bench_json(const measure::Report& report, const measure::BenchOptions& options,
+                       double scene_size) {
+  const Json json{
+      {"machine", machine()},
+      {"settings",
+       {{"rays", options.rays}, {"repeat", options.repeat}, {"seed", options.seed}, {"size", scene_size}}},
+      {"rays", rows_of(report.rays)},
+      {"build", rows_of(report.build)},
+      {"refit", rows_of(report.refit)},
+      {"instances", rows_of(report.instances)},
+      {"serve", rows_of(report.serve)},
+      {"checks", rows_of(report.checks)}};
+  return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace gridcast::server
