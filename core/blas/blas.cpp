@@ -67,7 +67,7 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
       status = store(blas.structure_, Bvh::build(*mesh, options.split, stop));
       break;
     case StructureKind::kWideBvh:
-      status = store(blas.structure_, WideBvh::build(*mesh, stop));
+      status = store(blas.structure_, WideBvh::build(*mesh, options, stop));
       break;
     case StructureKind::kKdTree:
       status = store(blas.structure_, KdTree::build(*mesh, stop));

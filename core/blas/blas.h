@@ -28,6 +28,9 @@ class EmbreeTree;
 /// binary one: half the memory, a third of the speed, and a choice of splits.
 enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kWideBvh, kKdTree, kEmbree };
 enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
+/// kAuto: a triangle may sit in several leaves where boxes overlap so much that it pays. kNever: for meshes
+/// that deform, because a refit gives every leaf the whole triangle's box.
+enum class SpatialSplits : std::uint8_t { kAuto, kNever };
 
 /// Names used on the wire and the command line: auto, brute_force, bvh, wide_bvh, kd_tree, embree.
 [[nodiscard]] std::string_view to_string(StructureKind kind);
@@ -35,10 +38,14 @@ enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
 /// midpoint, median, sah.
 [[nodiscard]] std::string_view to_string(BvhSplit split);
 [[nodiscard]] Result<BvhSplit> parse_bvh_split(std::string_view name);
+/// auto, never.
+[[nodiscard]] std::string_view to_string(SpatialSplits spatial);
+[[nodiscard]] Result<SpatialSplits> parse_spatial_splits(std::string_view name);
 
 struct BuildOptions {
   StructureKind kind = StructureKind::kAuto;
-  BvhSplit split = BvhSplit::kBinnedSah;  ///< used by the BVH alone
+  BvhSplit split = BvhSplit::kBinnedSah;         ///< used by the BVH alone
+  SpatialSplits spatial = SpatialSplits::kAuto;  ///< used by the wide BVH alone
 };
 
 /// What a structure is made of, for `info` and `structure`.

@@ -6,6 +6,7 @@
 #include <oneapi/tbb/parallel_invoke.h>
 
 #include "core/blas/cost_model.h"
+#include "core/blas/spatial_split.h"
 
 namespace gridcast::blas {
 namespace {
@@ -52,8 +53,9 @@ BvhNode inner_node(const Range& range, std::size_t first_child) {
 
 class Builder {
  public:
-  Builder(ReferenceArrays& arrays, const AreaScale& areas, const BvhBuildConfig& config, std::stop_token stop)
-      : arrays_(arrays), areas_(areas), config_(config), stop_(std::move(stop)) {}
+  Builder(ReferenceArrays& arrays, const AreaScale& areas, const SpatialSplitter& splitter,
+          const BvhBuildConfig& config, std::stop_token stop)
+      : arrays_(arrays), areas_(areas), splitter_(splitter), config_(config), stop_(std::move(stop)) {}
 
   [[nodiscard]] std::unique_ptr<Subtree> build(const Range& range) const {
     auto subtree = std::make_unique<Subtree>();
@@ -121,7 +123,21 @@ class Builder {
     const std::optional<BinnedSplit> split =
         find_binned_split(span(range), range.bounds, areas_, config_.block);
     if (may_be_leaf && (!split || node_cost(range, *split) >= as_leaf)) return std::nullopt;
+    if (std::optional<Halves> halves = divide_in_space(range, split)) return halves;
     return split ? divide_at(range, *split) : halve(range);
+  }
+
+  /// None unless a plane in space is much cheaper than the best division by centers, and there is room.
+  [[nodiscard]] std::optional<Halves> divide_in_space(const Range& range,
+                                                      const std::optional<BinnedSplit>& other) const {
+    const std::size_t room = range.end - range.begin;
+    if (room <= range.count || !other || !splitter_.promising(*other)) return std::nullopt;
+    const std::optional<SpatialSplit> split = splitter_.find(span(range), *other, range.bounds.boxes);
+    if (!split) return std::nullopt;
+    const std::optional<SpatialDivision> division =
+        splitter_.divide(span(range), *split, {arrays_[1 - range.array].get() + range.begin, room});
+    if (!division) return std::nullopt;
+    return shared_out(range, division->counts, division->parts);
   }
 
   [[nodiscard]] double node_cost(const Range& range, const BinnedSplit& split) const {
@@ -143,20 +159,30 @@ class Builder {
   }
 
   [[nodiscard]] Halves divide_at(const Range& range, const BinnedSplit& split) const {
+    BuildReference* to = arrays_[1 - range.array].get();
+    return shared_out(range, split.counts,
+                      divide_at_bin(span(range), split, to + range.begin, to + range.end - split.counts[1]));
+  }
+
+  /// The parts lie at both ends of the range's place in the other array; the room between them is shared out
+  /// by what the parts cost.
+  [[nodiscard]] Halves shared_out(const Range& range, const std::array<std::size_t, 2>& counts,
+                                  const std::array<SetBounds, 2>& parts) const {
+    const std::size_t right = range.end - counts[1];
+    const std::size_t left_end = range.begin + counts[0];
+    const double weights[2] = {double(counts[0]) * double(areas_.half_area(parts[0].boxes)),
+                               double(counts[1]) * double(areas_.half_area(parts[1].boxes))};
+    const double sum = weights[0] + weights[1];
+    const double share = sum > 0.0 ? weights[0] / sum : 0.5;
+    const std::size_t middle = left_end + std::size_t(double(right - left_end) * share);
     const std::uint32_t array = 1 - range.array;
-    const std::size_t left = range.begin;
-    const std::size_t right = range.end - split.counts[1];
-    const std::array<SetBounds, 2> parts =
-        divide_at_bin(span(range), split, arrays_[array].get() + left, arrays_[array].get() + right);
-    const std::size_t spare = right - (left + split.counts[0]);
-    const std::size_t middle =
-        left + split.counts[0] + std::size_t(double(spare) * (double(split.counts[0]) / double(range.count)));
-    return {Range{range.begin, middle, left, split.counts[0], array, range.depth + 1, parts[0]},
-            Range{middle, range.end, right, split.counts[1], array, range.depth + 1, parts[1]}};
+    return {Range{range.begin, middle, range.begin, counts[0], array, range.depth + 1, parts[0]},
+            Range{middle, range.end, right, counts[1], array, range.depth + 1, parts[1]}};
   }
 
   ReferenceArrays& arrays_;
   const AreaScale& areas_;
+  const SpatialSplitter& splitter_;
   const BvhBuildConfig& config_;
   std::stop_token stop_;
 };
@@ -205,11 +231,14 @@ Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& 
   if (count == 0) return tree;
 
   ReferenceArrays arrays;
-  for (auto& array : arrays) array = std::make_unique_for_overwrite<BuildReference[]>(count);
+  const std::size_t room =
+      config.spatial == SpatialSplits::kNever ? count : std::size_t(double(count) * kMaxReferenceGrowth);
+  for (auto& array : arrays) array = std::make_unique_for_overwrite<BuildReference[]>(room);
   const SetBounds bounds = make_references(mesh, arrays[0].get());
   const AreaScale areas(bounds.boxes.bounds());
+  const SpatialSplitter splitter(mesh, areas, bounds.boxes, config.block);
   std::unique_ptr<Subtree> root =
-      Builder(arrays, areas, config, stop).build({0, count, 0, count, 0, 0, bounds});
+      Builder(arrays, areas, splitter, config, stop).build({0, room, 0, count, 0, 0, bounds});
   if (stop.stop_requested()) return cancelled();
   for (auto& array : arrays) array.reset();
 

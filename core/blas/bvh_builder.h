@@ -15,7 +15,12 @@ struct BvhBuildConfig {
   /// Subtrees over more references than this are built as tasks of their own; at least max_leaf_size. No
   /// effect on the tree.
   std::size_t task_size = 4096;
+  /// Triangles may be referenced from several leaves where boxes overlap much.
+  SpatialSplits spatial = SpatialSplits::kNever;
 };
+
+/// With spatial splits a tree has at most this many references a triangle.
+inline constexpr double kMaxReferenceGrowth = 1.5;
 
 /// Builds top down in parallel on the calling arena. The tree depends on the mesh and the config alone: not
 /// on the number of threads, nor on timing. kCancelled on `stop`; kLimitExceeded above kMaxBvhPrimitives.

@@ -20,6 +20,9 @@ constexpr Names<StructureKind, 6> kStructureNames{{{StructureKind::kAuto, "auto"
 constexpr Names<BvhSplit, 3> kSplitNames{
     {{BvhSplit::kMidpoint, "midpoint"}, {BvhSplit::kMedian, "median"}, {BvhSplit::kBinnedSah, "sah"}}};
 
+constexpr Names<SpatialSplits, 2> kSpatialNames{
+    {{SpatialSplits::kAuto, "auto"}, {SpatialSplits::kNever, "never"}}};
+
 template <class Enum, std::size_t kCount>
 std::string_view name_of(const Names<Enum, kCount>& names, Enum value) {
   for (const auto& [known, name] : names)
@@ -56,6 +59,14 @@ std::string_view to_string(BvhSplit split) {
 
 Result<BvhSplit> parse_bvh_split(std::string_view name) {
   return parse(kSplitNames, name, "BVH split");
+}
+
+std::string_view to_string(SpatialSplits spatial) {
+  return name_of(kSpatialNames, spatial);
+}
+
+Result<SpatialSplits> parse_spatial_splits(std::string_view name) {
+  return parse(kSpatialNames, name, "choice of spatial splits");
 }
 
 }  // namespace gridcast::blas

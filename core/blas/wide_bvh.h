@@ -66,8 +66,10 @@ class WideBvh {
   /// Built from the binned-SAH binary tree and collapsed at the least surface-area cost. kCancelled on
   /// `stop`, kLimitExceeded for 2^30 - 1 triangles or more.
   [[nodiscard]] static Result<std::shared_ptr<const WideBvh>> build(const mesh::TriangleMesh& mesh,
+                                                                    const BuildOptions& options,
                                                                     std::stop_token stop);
-  /// The same tree over moved vertices; boxes are bit for bit those of a build with this shape.
+  /// The same tree over moved vertices; boxes are bit for bit those of a build with this shape. A leaf that
+  /// had a part of a triangle gets the box of the whole: right, but worse.
   [[nodiscard]] Result<std::shared_ptr<const WideBvh>> refit(const mesh::TriangleMesh& moved) const;
 
   template <Precision kPrecision, bool kAnyHit>
@@ -86,6 +88,7 @@ class WideBvh {
  private:
   WideNodes nodes_;  ///< parents before children
   TriangleBlocks blocks_;
+  SpatialSplits spatial_ = SpatialSplits::kNever;  ///< whether several leaves may hold a triangle
 };
 
 }  // namespace gridcast::blas

@@ -1,6 +1,9 @@
+#include <algorithm>
 #include <string>
+#include <utility>
 
 #include "core/blas/cost_model.h"
+#include "core/blas/triangle_cover.h"
 #include "core/blas/wide_bvh.h"
 
 namespace gridcast::blas {
@@ -12,12 +15,15 @@ Error wrong(std::size_t node, const std::string& what) {
 
 class Validator {
  public:
-  Validator(const WideNodes& nodes, const TriangleBlocks& blocks, const mesh::TriangleMesh& mesh)
+  Validator(const WideNodes& nodes, const TriangleBlocks& blocks, const mesh::TriangleMesh& mesh,
+            SpatialSplits spatial)
       : nodes_(nodes),
         blocks_(blocks),
         mesh_(mesh),
         block_seen_(blocks.size()),
-        triangle_seen_(mesh.triangle_count()) {}
+        spatial_(spatial),
+        triangle_seen_(mesh.triangle_count()),
+        triangle_whole_(mesh.triangle_count()) {}
 
   Status run() {
     if (nodes_.empty()) return mesh_.triangles.empty() ? ok_status() : wrong(0, "is missing");
@@ -60,11 +66,15 @@ class Validator {
         const std::uint32_t id = blocks_[b].ids[lane];
         if (id >= mesh_.triangle_count()) return wrong(node, "names triangle " + std::to_string(id));
         const bool repeats = lane > 0 && id == blocks_[b].ids[lane - 1];
-        if (triangle_seen_[id] && !repeats)
+        if (triangle_seen_[id] && !repeats && spatial_ == SpatialSplits::kNever)
           return wrong(node, "lists a second time triangle " + std::to_string(id));
         triangle_seen_[id] = true;
-        if (!box.contains(mesh_.triangle_bounds(id)))
+        if (box.contains(mesh_.triangle_bounds(id)))
+          triangle_whole_[id] = true;
+        else if (spatial_ == SpatialSplits::kNever)
           return wrong(node, "does not contain triangle " + std::to_string(id));
+        else if (!repeats)
+          parts_.push_back({id, box});
         const auto corners = mesh_.corners(id);
         for (int corner = 0; corner < 3; ++corner)
           if (blocks_[b].corner(corner, lane) != corners[std::size_t(corner)])
@@ -79,26 +89,54 @@ class Validator {
       if (!triangle_seen_[i])
         return Error{ErrorCode::kInternal, "the triangle is in no leaf", "/triangles/" + std::to_string(i)};
     }
+    return parts_cover();
+  }
+
+  /// A triangle that no leaf contains whole lies within the boxes of its leaves together.
+  Status parts_cover() {
+    std::stable_sort(parts_.begin(), parts_.end(), [](const Part& a, const Part& b) { return a.id < b.id; });
+    std::vector<Bounds3f> boxes;
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+      const std::uint32_t id = parts_[i].id;
+      boxes.push_back(parts_[i].box);
+      if (i + 1 < parts_.size() && parts_[i + 1].id == id) continue;
+      if (!triangle_whole_[id] && !covers(boxes, mesh_.corners(id)))
+        return Error{ErrorCode::kInternal, "its leaves do not cover the triangle",
+                     "/triangles/" + std::to_string(id)};
+      boxes.clear();
+    }
     return ok_status();
   }
+
+  struct Part {
+    std::uint32_t id;
+    Bounds3f box;
+  };
 
   const WideNodes& nodes_;
   const TriangleBlocks& blocks_;
   const mesh::TriangleMesh& mesh_;
   std::vector<bool> block_seen_;
+  SpatialSplits spatial_;
   std::vector<bool> triangle_seen_;
+  std::vector<bool> triangle_whole_;
+  std::vector<Part> parts_;
 };
 
 }  // namespace
 
 Status WideBvh::validate(const mesh::TriangleMesh& mesh) const {
-  return Validator(nodes_, blocks_, mesh).run();
+  return Validator(nodes_, blocks_, mesh, spatial_).run();
 }
 
 void WideBvh::add_stats(StructureStats& stats) const {
   stats.node_count = nodes_.size();
   stats.leaf_count = 0;
-  stats.reference_count = stats.triangle_count;
+  stats.reference_count = 0;
+  // A block that is not full repeats its last triangle.
+  for (const TriangleBlock& block : blocks_)
+    for (int lane = 0; lane < 4; ++lane)
+      stats.reference_count += lane == 0 || block.ids[lane] != block.ids[lane - 1] ? 1 : 0;
   stats.max_depth = 0;
   stats.memory_bytes = nodes_.capacity() * sizeof(WideNode) + blocks_.capacity() * sizeof(TriangleBlock);
   stats.cost = 0.0;

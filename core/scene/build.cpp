@@ -60,7 +60,11 @@ BuiltMeshes build_meshes(const SceneData& data, const SceneBuildOptions& options
       built[id] = valid.error();
       return;
     }
-    built[id] = blas::Blas::build(mesh, options.blas, options.stop);
+    blas::BuildOptions blas = options.blas;
+    // A tree that is going to be refitted shares no triangle between leaves.
+    if (id < data.deformations.size() && !data.deformations[id].empty())
+      blas.spatial = blas::SpatialSplits::kNever;
+    built[id] = blas::Blas::build(mesh, blas, options.stop);
     const std::size_t done = done_triangles += mesh->triangle_count();
     if (options.progress) options.progress(kMeshShare * double(done) / total);
   };

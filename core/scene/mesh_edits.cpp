@@ -64,7 +64,10 @@ struct Action {
 
 Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
                        std::string reason) {
-  auto built = blas::Blas::build(std::move(moved), old.options());
+  // What moved once will move again: a tree without shared triangles stays good longer.
+  blas::BuildOptions options = old.options();
+  options.spatial = blas::SpatialSplits::kNever;
+  auto built = blas::Blas::build(std::move(moved), options);
   if (!built) return built.error();
   return Action{*std::move(built), MeshAction::kRebuild, std::move(reason)};
 }

@@ -26,6 +26,7 @@ inline std::vector<StructureCase> structure_cases() {
       {"bvh_median", {StructureKind::kBvh, BvhSplit::kMedian}},
       {"bvh_sah", {StructureKind::kBvh, BvhSplit::kBinnedSah}},
       {"wide_bvh", {StructureKind::kWideBvh}},
+      {"wide_bvh_whole", {.kind = StructureKind::kWideBvh, .spatial = SpatialSplits::kNever}},
       {"kd_tree", {StructureKind::kKdTree}},
       {"embree", {StructureKind::kEmbree}},
   };

@@ -14,7 +14,7 @@ namespace {
 using mesh::TriangleMesh;
 
 std::shared_ptr<const WideBvh> built(const TriangleMesh& mesh) {
-  return WideBvh::build(mesh, {}).value();
+  return WideBvh::build(mesh, {.spatial = SpatialSplits::kNever}, {}).value();
 }
 
 bool same_bits(const WideBvh& a, const WideBvh& b) {
