@@ -25,26 +25,40 @@ struct BlockRay {
       : ray(r),
         shear_x(float(r.shear_x)),
         shear_y(float(r.shear_y)),
-        sign_z(r.cull_direction[r.kz] >= 0.F ? 1.F : -1.F) {}
+        sign_z(r.direction_z >= 0.0 ? 1.F : -1.F) {}
 
   const mesh::ObjectRay& ray;
   float shear_x, shear_y, sign_z;
 };
 
-/// Which of the four triangles the ray may hit before s_far: the edge functions of the sheared triangle in
-/// float, against a bound of their rounding.
+/// What the filter found out about the four triangles, a bit each.
+struct BlockHits {
+  std::uint32_t possible;  ///< may be hit in [0, s_far]; the others are not
+  std::uint32_t certain;   ///< are hit, in the range; only when asked for
+};
+
+enum class Certain : std::uint8_t { kNotAsked, kAsked };
+
+/// The edge functions of the sheared triangles in float, against a bound of their rounding, then the depths
+/// of those that are left.
 ///
 /// With q = 2^-24 and S as in ObjectRay::pad = 32 q S, a sheared coordinate is off by at most 8 q S = pad / 4
 /// =: e (origin, difference, shear, product, difference), an edge function with largest coordinate m then by
-/// less than 8 e (m + e), as in triangle_test.cpp. `fast` accepts points up to 12 q S = 1.5 e beside the
+/// less than 8 e (m + e) =: f, as in triangle_test.h. `fast` accepts points up to 12 q S = 1.5 e beside the
 /// triangle, which moves an edge function by at most 1.5 e * 2.9 m more; twice the bound covers both.
-template <Precision kPrecision>
-HWY_INLINE std::uint32_t filter_block(const TriangleBlock& block, const BlockRay& r, float s_far) {
+///
+/// Depth, for `robust`. The hit has depth (u az + v bz + w cz) / D with D = u + v + w, so it lies beyond a
+/// limit l when N = u (az - l) + v (bz - l) + w (cz - l) has the sign of D. Where the true edge functions are
+/// of one sign, |u| + |v| + |w| <= |D| + 6 f, and with F the largest |z - l|, N is off by at most
+///   (|D| + 6 f) (2 e + 4 q F) + 3 f (F + 2 e) < pad |D| + 4 f (F + pad)    as F < 4 S,
+/// and N in the form Z - l D by as much. An infinite limit, an overflow or a NaN rejects nothing.
+template <Precision kPrecision, Certain kCertain>
+HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r, float s_far) {
   const BlockRay::D4 d;
   const mesh::ObjectRay& ray = r.ray;
-  const auto ox = hn::Set(d, ray.cull_origin[ray.kx]);
-  const auto oy = hn::Set(d, ray.cull_origin[ray.ky]);
-  const auto oz = hn::Set(d, ray.cull_origin[ray.kz]);
+  const auto ox = hn::Set(d, ray.cull_axes_origin.x);
+  const auto oy = hn::Set(d, ray.cull_axes_origin.y);
+  const auto oz = hn::Set(d, ray.cull_axes_origin.z);
   const auto shear_x = hn::Set(d, r.shear_x);
   const auto shear_y = hn::Set(d, r.shear_y);
 
@@ -70,30 +84,77 @@ HWY_INLINE std::uint32_t filter_block(const TriangleBlock& block, const BlockRay
   const auto highest = hn::Max(u, hn::Max(v, w));
   // Overflow gives NaN or infinity, and then no comparison rejects.
   const auto outside = hn::And(hn::Lt(lowest, hn::Neg(bound)), hn::Gt(highest, bound));
+  if (hn::AllTrue(d, outside)) return {0, 0};
 
   // Depths along the ray: the direction's z component is +-1 in the culling half.
   const auto sign = hn::Set(d, r.sign_z);
   const auto sa = hn::Mul(az, sign);
   const auto sb = hn::Mul(bz, sign);
   const auto sc = hn::Mul(cz, sign);
-  const auto beyond = hn::Gt(hn::Min(sa, hn::Min(sb, sc)), hn::Set(d, s_far + ray.pad));
-  const auto before = hn::Lt(hn::Max(sa, hn::Max(sb, sc)), hn::Set(d, ray.cull_near - ray.pad));
-  std::uint8_t bits[8] = {0};
-  hn::StoreMaskBits(d, hn::Or(outside, hn::Or(beyond, before)), bits);
-  return ~std::uint32_t(bits[0]) & 0xFU;
+  const auto pad = hn::Set(d, ray.pad);
+  const auto far = hn::Set(d, s_far);
+  const auto mask_bits = [&](auto mask) {
+    std::uint8_t bits[8] = {0};
+    hn::StoreMaskBits(d, mask, bits);
+    return std::uint32_t(bits[0]) & 0xFU;
+  };
+  if constexpr (kPrecision == Precision::kFast) {
+    const auto beyond = hn::Gt(hn::Min(sa, hn::Min(sb, sc)), hn::Add(far, pad));
+    const auto before = hn::Lt(hn::Max(sa, hn::Max(sb, sc)), hn::Neg(pad));
+    return {~mask_bits(hn::Or(outside, hn::Or(beyond, before))) & 0xFU, 0};
+  } else {
+    const auto sum = hn::Add(u, hn::Add(v, w));
+    const auto area = hn::Abs(sum);
+    const auto depth = hn::MulAdd(u, sa, hn::MulAdd(v, sb, hn::Mul(w, sc)));
+    const auto from_near = hn::Xor(depth, hn::Xor(sum, area));
+    const auto from_far = hn::NegMulAdd(far, area, from_near);
+    const auto deepest = hn::Max(hn::Abs(sa), hn::Max(hn::Abs(sb), hn::Abs(sc)));
+    const auto near_error =
+        hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), hn::Add(deepest, pad), hn::Mul(pad, area));
+    const auto far_error = hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), far, near_error);
+    const auto out_of_range = hn::Or(hn::Lt(from_near, hn::Neg(near_error)), hn::Gt(from_far, far_error));
+    const std::uint32_t possible = ~mask_bits(hn::Or(outside, out_of_range)) & 0xFU;
+    if constexpr (kCertain == Certain::kNotAsked) return {possible, 0};
+    // All edge functions beyond their bound on one side, and the depth well inside the range: s_far is a pad
+    // and its rounding, below another, beyond the s of tfar, and all t of s >= pad are beyond tnear.
+    const auto inside = hn::Or(hn::Gt(lowest, bound), hn::Lt(highest, hn::Neg(bound)));
+    const auto in_range =
+        hn::And(hn::Gt(from_near, hn::MulAdd(pad, area, near_error)),
+                hn::Lt(hn::MulAdd(hn::Set(d, 2.F * ray.pad), area, from_far), hn::Neg(far_error)));
+    return {possible, mask_bits(hn::And(inside, in_range))};
+  }
 }
 
-/// Tests `count` consecutive blocks; true when `best` was replaced.
+/// Decides about one triangle of a block.
+template <Precision kPrecision>
+HWY_INLINE bool intersect_lane(const TriangleBlock& block, std::uint32_t lane, const mesh::ObjectRay& ray,
+                               Hit& best) {
+  if constexpr (kPrecision == Precision::kFast) {
+    return mesh::intersect_primitive<kPrecision>(ray, block.corner(0, lane), block.corner(1, lane),
+                                                 block.corner(2, lane), block.ids[lane], best);
+  } else {
+    const auto corner = [&](int number) {
+      const auto& columns = block.corners[number];
+      return Vec3f(columns[ray.kx][lane], columns[ray.ky][lane], columns[ray.kz][lane]);
+    };
+    mesh::TriangleHit hit;
+    return mesh::intersect_triangle_robust(ray, {corner(0), corner(1), corner(2)}, hit) &&
+           mesh::keep_closer(ray, hit, block.ids[lane], best);
+  }
+}
+
+/// Tests `count` consecutive blocks; true when `best` was replaced, or, for any hit, when there is one.
 template <Precision kPrecision, bool kAnyHit>
 HWY_INLINE bool intersect_leaf(const TriangleBlock* block, std::uint32_t count, const BlockRay& r,
                                float s_far, Hit& best) {
   bool replaced = false;
   for (; count != 0; --count, ++block) {
-    for (std::uint32_t candidates = filter_block<kPrecision>(*block, r, s_far); candidates != 0;
-         candidates &= candidates - 1) {
-      const auto lane = std::uint32_t(__builtin_ctz(candidates));
-      replaced |= mesh::intersect_primitive<kPrecision>(r.ray, block->corner(0, lane), block->corner(1, lane),
-                                                        block->corner(2, lane), block->ids[lane], best);
+    const BlockHits hits = filter_block < kPrecision,
+                    kAnyHit ? Certain::kAsked : Certain::kNotAsked > (*block, r, s_far);
+    for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
+      if (block->ids[__builtin_ctz(certain)] != r.ray.excluded_primitive) return true;
+    for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
+      replaced |= intersect_lane<kPrecision>(*block, std::uint32_t(__builtin_ctz(candidates)), r.ray, best);
       if (kAnyHit && replaced) return true;
     }
   }

@@ -51,7 +51,7 @@ HWY_INLINE std::uint32_t enter_children(const WideNode& node, const WideRay& r, 
   const mesh::ObjectRay& ray = r.ray;
   std::uint32_t hits = 0;
   for (std::size_t i = 0; i < 8; i += hn::Lanes(d)) {
-    auto enter = hn::Set(d, ray.cull_near);
+    auto enter = hn::Zero(d);
     auto exit = hn::Set(d, s_far);
     for (int axis = 0; axis < 3; ++axis) {
       const auto inverse = hn::Set(d, ray.inverse_direction[axis]);

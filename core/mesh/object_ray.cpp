@@ -1,88 +1,138 @@
 #include "core/mesh/object_ray.h"
 
+#include <bit>
+#include <limits>
+
 namespace gridcast::mesh {
 namespace {
 
-struct Interval {
-  double enter, exit;
+using Double2 [[gnu::vector_size(16)]] = double;
+using Long2 [[gnu::vector_size(16)]] = std::int64_t;
+using Float4 [[gnu::vector_size(16)]] = float;
+using Int4 [[gnu::vector_size(16)]] = std::int32_t;
+
+Double2 min(Double2 a, Double2 b) {
+  return a < b ? a : b;
+}
+Double2 max(Double2 a, Double2 b) {
+  return a > b ? a : b;
+}
+Double2 abs(Double2 v) {
+  return Double2(Long2(v) & std::numeric_limits<std::int64_t>::max());
+}
+Double2 copy_sign(Double2 size, Double2 sign) {
+  return Double2(Long2(size) | (Long2(sign) & std::numeric_limits<std::int64_t>::min()));
+}
+
+/// A vector as lanes x, y, z, z: all axes at once, and the largest of them without a mask. Signs and axes of
+/// rays are random, so a branch on them would be mispredicted and cost as much as a third of prepare.
+struct Axes {
+  Double2 xy, zz;
+
+  Axes(Double2 first, Double2 second) : xy(first), zz(second) {}
+  template <class T>
+  explicit Axes(const glm::vec<3, T, glm::defaultp>& v)
+      : xy{double(v.x), double(v.y)}, zz{double(v.z), double(v.z)} {}
+
+  friend Axes operator+(const Axes& a, const Axes& b) { return {a.xy + b.xy, a.zz + b.zz}; }
+  friend Axes operator-(const Axes& a, const Axes& b) { return {a.xy - b.xy, a.zz - b.zz}; }
+  friend Axes operator*(const Axes& a, const Axes& b) { return {a.xy * b.xy, a.zz * b.zz}; }
+  friend Axes operator+(const Axes& a, double b) { return {a.xy + b, a.zz + b}; }
+  friend Axes operator-(const Axes& a, double b) { return {a.xy - b, a.zz - b}; }
+  friend Axes operator*(double a, const Axes& b) { return {a * b.xy, a * b.zz}; }
+  friend Axes operator/(double a, const Axes& b) { return {a / b.xy, a / b.zz}; }
+  friend Axes min(const Axes& a, const Axes& b) { return {min(a.xy, b.xy), min(a.zz, b.zz)}; }
+  friend Axes max(const Axes& a, const Axes& b) { return {max(a.xy, b.xy), max(a.zz, b.zz)}; }
+  friend Axes abs(const Axes& a) { return {abs(a.xy), abs(a.zz)}; }
+  friend Axes copy_sign(const Axes& size, const Axes& sign) {
+    return {copy_sign(size.xy, sign.xy), copy_sign(size.zz, sign.zz)};
+  }
+  [[nodiscard]] double largest() const { return max(max(xy, __builtin_shuffle(xy, Long2{1, 0})), zz)[0]; }
+  [[nodiscard]] double smallest() const { return min(min(xy, __builtin_shuffle(xy, Long2{1, 0})), zz)[0]; }
+  [[nodiscard]] Float4 to_float() const { return Float4{float(xy[0]), float(xy[1]), float(zz[0]), 0.F}; }
 };
 
-/// Where o + s / inverse crosses the box, in double and padded by `pad` on every side.
-Interval clip(const Vec3d& o, const Vec3d& inverse, const Bounds3f& box, double pad) {
-  Interval s{-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
-  for (int axis = 0; axis < 3; ++axis) {
-    const double a = (double(box.lower[axis]) - pad - o[axis]) * inverse[axis];
-    const double b = (double(box.upper[axis]) + pad - o[axis]) * inverse[axis];
-    s.enter = std::max(s.enter, std::min(a, b));
-    s.exit = std::min(s.exit, std::max(a, b));
-  }
-  return s;
+void store(Float4 v, Vec3f& out) {
+  out = {v[0], v[1], v[2]};
+}
+Float4 clamp(Float4 v, float limit) {
+  const Float4 high = {limit, limit, limit, limit};
+  v = v < high ? v : high;
+  return v > -high ? v : -high;
 }
 
-void choose_axes(ObjectRay& ray) {
-  const Vec3d size = glm::abs(ray.direction);
-  ray.kz = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
-  ray.kx = ray.kz == 2 ? 0 : ray.kz + 1;
-  ray.ky = ray.kx == 2 ? 0 : ray.kx + 1;
+/// The first axis on which `size` is `largest`, by the order of the bits of positive doubles.
+int first_largest(const Axes& size, double largest) {
+  const auto bits = std::bit_cast<std::uint64_t>(largest);
+  const auto not_x = (std::bit_cast<std::uint64_t>(size.xy[0]) - bits) >> 63U;
+  const auto not_y = (std::bit_cast<std::uint64_t>(size.xy[1]) - bits) >> 63U;
+  return int(not_x + (not_x & not_y));
 }
 
-/// 1 / x, at most `largest` in size, with the sign of x (that of a zero does not matter: the pad covers
-/// both).
-double bounded_inverse(double x, double largest) {
-  return std::abs(x) * largest > 1.0 ? 1.0 / x : std::copysign(largest, x);
-}
+constexpr int kNextAxis[3] = {1, 2, 0};
 
 }  // namespace
 
 bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
-  if (bounds.empty()) return false;
   origin = ray.origin;
   direction = ray.direction;
   tnear = ray.tnear;
   instance_id = 0;
   excluded_primitive = kInvalidId;
-  choose_axes(*this);
-  const double inverse_z = 1.0 / direction[kz];
-  shear_x = direction[kx] * inverse_z;
-  shear_y = direction[ky] * inverse_z;
+
+  const Axes dir(direction);
+  const Axes dir_size = abs(dir);
+  cull_scale = dir_size.largest();
+  const double inverse_scale = 1.0 / cull_scale;
+  kz = first_largest(dir_size, cull_scale);
+  kx = kNextAxis[kz];
+  ky = kNextAxis[kx];
+  axes_origin = {component(origin, kx), component(origin, ky), component(origin, kz)};
+  direction_z = component(direction, kz);
+  const double inverse_z = std::copysign(inverse_scale, direction_z);
+  shear_x = component(direction, kx) * inverse_z;
+  shear_y = component(direction, ky) * inverse_z;
 
   // Scale to a largest component of 1 (within two roundings), clip to the mesh's box in double, and reject a
   // miss early. Components below 2^-52 count as 2^-52, which moves the ray by less than the pad over the
   // length of the box.
-  cull_scale = std::abs(direction[kz]);
-  const Vec3d d = direction * std::abs(inverse_z);
-  Vec3d inverse;
-  inverse[kx] = bounded_inverse(d[kx], 0x1p52);
-  inverse[ky] = bounded_inverse(d[ky], 0x1p52);
-  inverse[kz] = std::copysign(1.0, direction[kz]);
-  const double box_size = double(bounds.magnitude());
-  const double origin_size = max_abs(origin);
+  const Axes inverse = copy_sign(min(cull_scale / dir_size, Axes(Vec3d(0x1p52))), dir);
+  const Axes lower(bounds.lower), upper(bounds.upper), start(origin);
+  const double box_size = max(abs(lower), abs(upper)).largest();
+  const double origin_size = abs(start).largest();
   distance = origin_size + box_size;
   side_error = 0x1p-45 * distance * distance;
-  const double clip_pad = 0x1p-46 * distance + 0x1p-100;
-  const Interval s = clip(origin, inverse, bounds, clip_pad);
+  // The box is grown by half the pad, so it holds what the triangle tests accept, `fast` included. Where the
+  // range or the box ends, s is at most `distance` in size, and so is its rounding: that of the clip, of
+  // tnear and tfar times the scale, and of the clamped components.
+  pad = float(0x1p-19 * (2.0 * box_size + 0x1p-22 * distance) + 0x1p-100);
+  const double slack = 0x1p-44 * distance + 0x1p-100;
+  const double growth = 0.5 * double(pad) + slack;
+  const Axes to_lower = (lower - start - growth) * inverse;
+  const Axes to_upper = (upper - start + growth) * inverse;
+  const double enter = min(to_lower, to_upper).largest();
+  const double exit = max(to_lower, to_upper).smallest() + slack;
   const double s_near = tnear * cull_scale;
   const double s_far = ray.tfar * cull_scale;
-  // The slack covers the rounding of s itself, of tnear and tfar times scale, and the clamped components.
-  const double slack = clip_pad + 0x1p-46 * (std::abs(s.enter) + std::abs(s.exit));
-  if (!(s.enter <= s.exit + slack && s.enter <= s_far + slack && s_near <= s.exit + slack)) return false;
+  // An empty box gives infinities, then NaN, and the same answer.
+  if (!(int(enter <= exit) & int(enter <= s_far + slack) & int(s_near <= exit))) return false;
 
-  // Move the origin to the point of the box's interval nearest to it.
-  cull_shift = s.enter > 0.0 ? s.enter : (s.exit < 0.0 ? s.exit : 0.0);
-  const Vec3d o = origin + cull_shift * d;
-  const double size = max_abs(o) + box_size + 0x1p-24 * (origin_size + std::abs(cull_shift));
-  pad = float(0x1p-19 * size + 0x1p-100);
-  for (int axis = 0; axis < 3; ++axis) {
-    cull_origin[axis] = float(o[axis]);
-    cull_direction[axis] = float(d[axis]);
-    inverse_direction[axis] = float(std::clamp(inverse[axis], -0x1p24, 0x1p24));
-    const float offset = -(cull_origin[axis] * inverse_direction[axis]);
-    const float margin = pad * std::abs(inverse_direction[axis]);
-    near_offset[axis] = offset - margin;
-    far_offset[axis] = offset + margin;
-  }
-  const double near = s_near - cull_shift;
-  cull_near = float(near - std::abs(near) * 0x1p-22) - pad;
+  // Start where both the box and the range have begun: no hit has a negative s, and the origin lies in the
+  // box grown by a few slacks.
+  cull_shift = max(Double2{s_near, s_near}, Double2{enter - slack, enter - slack})[0];
+  const Axes d = inverse_scale * dir;
+  const Axes o = start + cull_shift * d;
+
+  const Float4 float_origin = o.to_float();
+  const Float4 bounded = clamp(inverse.to_float(), 0x1p24F);
+  const Float4 offset = -(float_origin * bounded);
+  const Float4 margin = pad * Float4(Int4(bounded) & 0x7FFFFFFF);
+  store(float_origin, cull_origin);
+  cull_axes_origin = {component(cull_origin, kx), component(cull_origin, ky), component(cull_origin, kz)};
+  store(d.to_float(), cull_direction);
+  store(bounded, inverse_direction);
+  store(offset - margin, near_offset);
+  store(offset + margin, far_offset);
   return true;
 }
 

@@ -3,10 +3,18 @@
 #include <cmath>
 #include <cstdint>
 
+#include <glm/gtc/type_ptr.hpp>
+
 #include "core/math/bounds.h"
 #include "core/math/ray.h"
 
 namespace gridcast::mesh {
+
+/// v[axis] for an axis that is not known when compiling: an address, where glm's operator[] is a switch.
+template <class T>
+inline T component(const glm::vec<3, T, glm::defaultp>& v, int axis) {
+  return glm::value_ptr(v)[axis];
+}
 
 /// A ray prepared for one mesh, in the mesh's object space. It has two halves:
 ///
@@ -15,15 +23,18 @@ namespace gridcast::mesh {
 ///   It only skips what provably cannot win, so answers do not depend on the structure that culls.
 ///
 /// The culling half measures distance as s = t * cull_scale - cull_shift: the direction is scaled so
-/// that its largest component is 1, and the origin is moved to the mesh's box, so that floats have
-/// their full resolution there. Derivation of the pad: core/README.md, "Why culling never loses a hit".
+/// that its largest component is 1, and the origin is moved to where the ray enters the mesh's box (or to
+/// tnear when that is later), so that floats have their full resolution there and every hit has s >= 0.
+/// Derivation of the pad: core/README.md, "Why culling never loses a hit".
 struct ObjectRay {
   // Exact half.
   Vec3d origin;
   Vec3d direction;
   double tnear;
+  int kx, ky, kz;      ///< kz: axis of the largest direction component; kx, ky follow it cyclically
+  Vec3d axes_origin;   ///< origin[kx], origin[ky], origin[kz]
+  double direction_z;  ///< direction[kz]
   double shear_x, shear_y;
-  int kx, ky, kz;     ///< kz: axis of the largest direction component; kx, ky follow it cyclically
   double distance;    ///< upper bound of |p - origin| per axis over the mesh
   double side_error;  ///< bound of the rounding of any edge function of the mesh (see triangle_test.cpp)
   std::uint32_t instance_id;
@@ -33,10 +44,10 @@ struct ObjectRay {
   double cull_scale, cull_shift;
   Vec3f cull_origin;
   Vec3f cull_direction;
+  Vec3f cull_axes_origin;   ///< cull_origin[kx], cull_origin[ky], cull_origin[kz]
   Vec3f inverse_direction;  ///< finite: components below 2^-24 are moved away from 0, which the pad covers
   Vec3f near_offset;  ///< s at the near plane b of an axis is b * inverse_direction + near_offset, at most
   Vec3f far_offset;   ///< s at the far plane b is b * inverse_direction + far_offset, at least
-  float cull_near;    ///< lower bound of s at tnear
   float pad;          ///< how far (object units, per axis) a hit point may lie from its triangle's box
 
   /// False when the ray provably misses `bounds` between tnear and tfar (then *this is unspecified).
@@ -51,13 +62,13 @@ struct ObjectRay {
 };
 
 /// Conservative slab test: true unless no point of a triangle inside `box` can be an accepted hit with
-/// s in [cull_near, s_far]. Sets `s_enter`, a lower bound of s of any such hit. Monotone: a box inside
+/// s in [0, s_far]. Sets `s_enter`, a lower bound of s of any such hit. Monotone: a box inside
 /// another never passes where the outer one fails, nor enters earlier. "Robust BVH Ray Traversal", T. Ize,
 /// 2013, is the idea; unlike the paper we pad by an absolute distance, which also absorbs the rounding of the
 /// origin and of zero direction components.
 inline bool intersect_box(const ObjectRay& ray, const Vec3f& lower, const Vec3f& upper, float s_far,
                           float& s_enter) {
-  float enter = ray.cull_near;
+  float enter = 0.F;
   float exit = s_far;
   for (int axis = 0; axis < 3; ++axis) {
     const float inverse = ray.inverse_direction[axis];
