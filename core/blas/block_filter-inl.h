@@ -84,7 +84,7 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
   const auto highest = hn::Max(u, hn::Max(v, w));
   // Overflow gives NaN or infinity, and then no comparison rejects.
   const auto outside = hn::And(hn::Lt(lowest, hn::Neg(bound)), hn::Gt(highest, bound));
-  if (hn::AllTrue(d, outside)) return {0, 0};
+  if (hn::Lanes(d) == 4 && hn::AllTrue(d, outside)) return {0, 0};
 
   // Depths along the ray: the direction's z component is +-1 in the culling half.
   const auto sign = hn::Set(d, r.sign_z);

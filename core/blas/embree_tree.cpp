@@ -22,8 +22,8 @@
 //
 //   a point of the ray at an accepted hit to its triangle's box, `fast` being the   2^-2 ray.pad
 //     looser one (see ObjectRay::pad)
-//   float origin, float direction over a length of at most 2.1 M, moved origin      2^-21 M
-//   direction components below 1e-18 that Embree replaces by +1e-18, over 2.1 M     2^-57 M
+//   float origin at most 3 M away, float direction over 5 M, moved origin            2^-20 M
+//   direction components below 1e-18 that Embree replaces by +1e-18, over 5 M       2^-56 M
 //   Embree's plane distance plane * r - origin * r, with or without FMA, r the      2^-19.7 M
 //     reciprocal to 2^-21: 2.1 M 2^-20.9 and the rounding of origin * r
 //   rounding of the padded box to float                                             2^-24 M

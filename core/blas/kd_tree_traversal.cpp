@@ -189,8 +189,11 @@ HWY_INLINE bool intersect_blocks(const KdTriangle* triangles, const KdBlock* blo
   for (; count != 0; --count, ++block) {
     gather(triangles, *block, columns);
     // A hit beyond the leaf's cell is found in the leaf where it lies.
-    for (std::uint32_t candidates = filter_block<kPrecision>(columns, r, s_exit); candidates != 0;
-         candidates &= candidates - 1) {
+    const BlockHits hits = filter_block < kPrecision,
+                    kAnyHit ? Certain::kAsked : Certain::kNotAsked > (columns, r, s_exit);
+    for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
+      if (triangles[block->triangles[__builtin_ctz(certain)]].id != r.ray.excluded_primitive) return true;
+    for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
       const KdTriangle& triangle = triangles[block->triangles[__builtin_ctz(candidates)]];
       replaced |= mesh::intersect_primitive<kPrecision>(r.ray, triangle.corner(0), triangle.corner(1),
                                                         triangle.corner(2), triangle.id, best);

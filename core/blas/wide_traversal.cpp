@@ -17,8 +17,8 @@ namespace gridcast::blas::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// A node or leaf to visit: the bits of its s_enter, which order like the float as it is not negative, and its
-/// link.
+/// A node or leaf to visit: the bits of its s_enter, which order like the float as it is not negative, and
+/// its link.
 using StackEntry = std::int64_t;
 
 HWY_INLINE StackEntry entry(std::int32_t s_enter_bits, std::uint32_t link) {
@@ -48,8 +48,8 @@ struct WideRay {
 };
 
 /// Slab test of all eight slots: sets the bits of s_enter of each, returns a bit per slot that may be hit.
-/// Integers compare like the floats here, in fewer cycles: a negative distance is below every other, whatever its
-/// size, and loses against the 0 of the start or fails as an exit.
+/// Integers compare like the floats here, in fewer cycles: a negative distance is below every other, whatever
+/// its size, and loses against the 0 of the start or fails as an exit.
 HWY_INLINE std::uint32_t enter_children(const WideNode& node, const WideRay& r, float s_far,
                                         std::int32_t* HWY_RESTRICT s_enter) {
   const WideRay::D8 d;
@@ -64,8 +64,8 @@ HWY_INLINE std::uint32_t enter_children(const WideNode& node, const WideRay& r, 
       const auto inverse = hn::Set(d, ray.inverse_direction[axis]);
       const auto near = hn::MulAdd(hn::Load(d, planes + r.near_plane[axis] + i), inverse,
                                    hn::Set(d, ray.near_offset[axis]));
-      const auto far = hn::MulAdd(hn::Load(d, planes + r.far_plane[axis] + i), inverse,
-                                  hn::Set(d, ray.far_offset[axis]));
+      const auto far =
+          hn::MulAdd(hn::Load(d, planes + r.far_plane[axis] + i), inverse, hn::Set(d, ray.far_offset[axis]));
       enter = hn::Max(enter, hn::BitCast(di, near));
       exit = hn::Min(exit, hn::BitCast(di, far));
     }

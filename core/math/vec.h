@@ -7,6 +7,7 @@
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/gtc/type_ptr.hpp>
 #include <glm/mat3x3.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
@@ -34,6 +35,12 @@ inline double max_abs(const Vec3d& v) {
 }
 inline float max_abs(const Vec3f& v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
+}
+
+/// v[axis] for an axis that is not known when compiling: an address, where glm's operator[] is a switch.
+template <class T>
+inline T component(const glm::vec<3, T, glm::defaultp>& v, int axis) {
+  return glm::value_ptr(v)[axis];
 }
 
 }  // namespace gridcast

@@ -1,12 +1,14 @@
 #include "core/mesh/object_ray.h"
 
 #include <bit>
+#include <cstring>
 #include <limits>
 
 namespace gridcast::mesh {
 namespace {
 
 using Double2 [[gnu::vector_size(16)]] = double;
+using Float2 [[gnu::vector_size(8)]] = float;
 using Long2 [[gnu::vector_size(16)]] = std::int64_t;
 using Float4 [[gnu::vector_size(16)]] = float;
 using Int4 [[gnu::vector_size(16)]] = std::int32_t;
@@ -47,13 +49,16 @@ struct Axes {
   friend Axes copy_sign(const Axes& size, const Axes& sign) {
     return {copy_sign(size.xy, sign.xy), copy_sign(size.zz, sign.zz)};
   }
-  [[nodiscard]] double largest() const { return max(max(xy, __builtin_shuffle(xy, Long2{1, 0})), zz)[0]; }
-  [[nodiscard]] double smallest() const { return min(min(xy, __builtin_shuffle(xy, Long2{1, 0})), zz)[0]; }
-  [[nodiscard]] Float4 to_float() const { return Float4{float(xy[0]), float(xy[1]), float(zz[0]), 0.F}; }
+  [[nodiscard]] double largest() const { return max(max(xy, __builtin_shufflevector(xy, xy, 1, 0)), zz)[0]; }
+  [[nodiscard]] double smallest() const { return min(min(xy, __builtin_shufflevector(xy, xy, 1, 0)), zz)[0]; }
+  [[nodiscard]] Float4 to_float() const {
+    return __builtin_shufflevector(__builtin_convertvector(xy, Float2), __builtin_convertvector(zz, Float2),
+                                   0, 1, 2, 3);
+  }
 };
 
-void store(Float4 v, Vec3f& out) {
-  out = {v[0], v[1], v[2]};
+void store(Float4 v, PaddedVec3f& out) {
+  std::memcpy(&out, &v, sizeof(out));
 }
 Float4 clamp(Float4 v, float limit) {
   const Float4 high = {limit, limit, limit, limit};
@@ -70,6 +75,24 @@ int first_largest(const Axes& size, double largest) {
 }
 
 constexpr int kNextAxis[3] = {1, 2, 0};
+
+/// The float half of a ray whose origin was moved to `o`; `d` has a largest component of 1.
+void set_cull_half(ObjectRay& ray, const Axes& o, const Axes& d, Float4 inverse) {
+  const Float4 float_origin = o.to_float();
+  const Float4 bounded = clamp(inverse, 0x1p24F);
+  const Float4 offset = -(float_origin * bounded);
+  const Float4 margin = ray.pad * Float4(Int4(bounded) & 0x7FFFFFFF);
+  store(float_origin, ray.cull_origin);
+  store(d.to_float(), ray.cull_direction);
+  store(bounded, ray.inverse_direction);
+  store(offset - margin, ray.near_offset);
+  store(offset + margin, ray.far_offset);
+  ray.cull_axes_origin = {component(ray.cull_origin, ray.kx), component(ray.cull_origin, ray.ky),
+                          component(ray.cull_origin, ray.kz)};
+}
+
+/// An origin within so many mesh sizes stays where it is.
+constexpr double kNear = 3.0;
 
 }  // namespace
 
@@ -93,15 +116,27 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
   shear_x = component(direction, kx) * inverse_z;
   shear_y = component(direction, ky) * inverse_z;
 
-  // Scale to a largest component of 1 (within two roundings), clip to the mesh's box in double, and reject a
-  // miss early. Components below 2^-52 count as 2^-52, which moves the ray by less than the pad over the
-  // length of the box.
-  const Axes inverse = copy_sign(min(cull_scale / dir_size, Axes(Vec3d(0x1p52))), dir);
-  const Axes lower(bounds.lower), upper(bounds.upper), start(origin);
-  const double box_size = max(abs(lower), abs(upper)).largest();
+  const Axes start(origin);
+  const double box_size = max(abs(Axes(bounds.lower)), abs(Axes(bounds.upper))).largest();
   const double origin_size = abs(start).largest();
   distance = origin_size + box_size;
   side_error = 0x1p-45 * distance * distance;
+  if (!(tnear == 0.0 && origin_size <= kNear * box_size)) return prepare_far(ray, bounds, box_size);
+
+  // The common case, at a third of the cost: s = t * cull_scale, and the root of the tree tests the box.
+  cull_shift = 0.0;
+  pad = float(0x1p-19 * distance + 0x1p-100);
+  const Axes d = inverse_scale * dir;
+  set_cull_half(*this, start, d, 1.F / d.to_float());
+  return bounds.lower.x <= bounds.upper.x;
+}
+
+bool ObjectRay::prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size) {
+  // Clip to the mesh's box in double, and reject a miss early. Components below 2^-52 count as 2^-52, which
+  // moves the ray by less than the pad over the length of the box.
+  const Axes dir(direction);
+  const Axes inverse = copy_sign(min(cull_scale / abs(dir), Axes(Vec3d(0x1p52))), dir);
+  const Axes lower(bounds.lower), upper(bounds.upper), start(origin);
   // The box is grown by half the pad, so it holds what the triangle tests accept, `fast` included. Where the
   // range or the box ends, s is at most `distance` in size, and so is its rounding: that of the clip, of
   // tnear and tfar times the scale, and of the clamped components.
@@ -120,19 +155,8 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
   // Start where both the box and the range have begun: no hit has a negative s, and the origin lies in the
   // box grown by a few slacks.
   cull_shift = max(Double2{s_near, s_near}, Double2{enter - slack, enter - slack})[0];
-  const Axes d = inverse_scale * dir;
-  const Axes o = start + cull_shift * d;
-
-  const Float4 float_origin = o.to_float();
-  const Float4 bounded = clamp(inverse.to_float(), 0x1p24F);
-  const Float4 offset = -(float_origin * bounded);
-  const Float4 margin = pad * Float4(Int4(bounded) & 0x7FFFFFFF);
-  store(float_origin, cull_origin);
-  cull_axes_origin = {component(cull_origin, kx), component(cull_origin, ky), component(cull_origin, kz)};
-  store(d.to_float(), cull_direction);
-  store(bounded, inverse_direction);
-  store(offset - margin, near_offset);
-  store(offset + margin, far_offset);
+  const Axes d = (1.0 / cull_scale) * dir;
+  set_cull_half(*this, start + cull_shift * d, d, inverse.to_float());
   return true;
 }
 

@@ -3,18 +3,16 @@
 #include <cmath>
 #include <cstdint>
 
-#include <glm/gtc/type_ptr.hpp>
-
 #include "core/math/bounds.h"
 #include "core/math/ray.h"
 
 namespace gridcast::mesh {
 
-/// v[axis] for an axis that is not known when compiling: an address, where glm's operator[] is a switch.
-template <class T>
-inline T component(const glm::vec<3, T, glm::defaultp>& v, int axis) {
-  return glm::value_ptr(v)[axis];
-}
+/// A vector in a register's worth of memory, so that one store writes it.
+struct alignas(16) PaddedVec3f : Vec3f {
+  using Vec3f::operator=;
+  float padding;
+};
 
 /// A ray prepared for one mesh, in the mesh's object space. It has two halves:
 ///
@@ -23,8 +21,10 @@ inline T component(const glm::vec<3, T, glm::defaultp>& v, int axis) {
 ///   It only skips what provably cannot win, so answers do not depend on the structure that culls.
 ///
 /// The culling half measures distance as s = t * cull_scale - cull_shift: the direction is scaled so
-/// that its largest component is 1, and the origin is moved to where the ray enters the mesh's box (or to
-/// tnear when that is later), so that floats have their full resolution there and every hit has s >= 0.
+/// that its largest component is 1, and unless the origin is near the mesh it is moved to where the ray
+/// enters the mesh's box (or to tnear when that is later), so that floats have their full resolution there.
+/// Every hit has s
+/// >= 0.
 /// Derivation of the pad: core/README.md, "Why culling never loses a hit".
 struct ObjectRay {
   // Exact half.
@@ -42,15 +42,17 @@ struct ObjectRay {
 
   // Culling half.
   double cull_scale, cull_shift;
-  Vec3f cull_origin;
-  Vec3f cull_direction;
-  Vec3f cull_axes_origin;   ///< cull_origin[kx], cull_origin[ky], cull_origin[kz]
-  Vec3f inverse_direction;  ///< finite: components below 2^-24 are moved away from 0, which the pad covers
-  Vec3f near_offset;  ///< s at the near plane b of an axis is b * inverse_direction + near_offset, at most
-  Vec3f far_offset;   ///< s at the far plane b is b * inverse_direction + far_offset, at least
-  float pad;          ///< how far (object units, per axis) a hit point may lie from its triangle's box
+  PaddedVec3f cull_origin;
+  PaddedVec3f cull_direction;
+  Vec3f cull_axes_origin;  ///< cull_origin[kx], cull_origin[ky], cull_origin[kz]
+  PaddedVec3f
+      inverse_direction;  ///< finite: components below 2^-24 are moved away from 0, which the pad covers
+  PaddedVec3f
+      near_offset;  ///< s at the near plane b of an axis is b * inverse_direction + near_offset, at most
+  PaddedVec3f far_offset;  ///< s at the far plane b is b * inverse_direction + far_offset, at least
+  float pad;               ///< how far (object units, per axis) a hit point may lie from its triangle's box
 
-  /// False when the ray provably misses `bounds` between tnear and tfar (then *this is unspecified).
+  /// False when the ray was seen to miss `bounds` between tnear and tfar (then *this is unspecified).
   /// `ray` is in object space and valid; `bounds` holds every vertex of the mesh.
   bool prepare(const Ray& ray, const Bounds3f& bounds);
 
@@ -59,6 +61,9 @@ struct ObjectRay {
     const double s = t * cull_scale - cull_shift;
     return float(s + std::abs(s) * 0x1p-22) + pad;
   }
+
+ private:
+  bool prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size);
 };
 
 /// Conservative slab test: true unless no point of a triangle inside `box` can be an accepted hit with
