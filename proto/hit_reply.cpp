@@ -83,11 +83,19 @@ void write_start(JsonText& text, const ReplyHead& head, std::span<const RayStatu
 }
 
 nlohmann::ordered_json stats_json(const RayStats& stats) {
-  return {{"rays", stats.rays},
-          {"hits", stats.hits},
-          {"misses", stats.misses},
-          {"invalid", stats.invalid},
-          {"trace_ms", stats.trace_ms}};
+  nlohmann::ordered_json json{{"rays", stats.rays},
+                              {"hits", stats.hits},
+                              {"misses", stats.misses},
+                              {"invalid", stats.invalid},
+                              {"trace_ms", stats.trace_ms}};
+  if (stats.plan) {
+    json["order"] = stats.plan->order;
+    json["order_reason"] = stats.plan->reason;
+    json["order_ms"] = stats.plan->order_ms;
+    json["packet_rays"] = stats.plan->packet_rays;
+    json["single_rays"] = stats.plan->single_rays;
+  }
+  return json;
 }
 
 void write_end(JsonText& text, const ReplyHead& head) {
@@ -124,7 +132,8 @@ class ColumnTable {
     metadata["scene_version"] = std::to_string(head.scene_version);
     if (head.stats) {
       const auto stats = stats_json(*head.stats);
-      for (const auto& [name, value] : stats.items()) metadata[name] = value.dump();
+      for (const auto& [name, value] : stats.items())
+        metadata[name] = value.is_string() ? value.get<std::string>() : value.dump();
     }
     std::string text = head_.dump();
     text.resize((text.size() + kAlignment - 1) / kAlignment * kAlignment, ' ');

@@ -12,6 +12,15 @@
 
 namespace gridcast::proto {
 
+/// How the engine traced a batch; no answer depends on it.
+struct RayPlan {
+  std::string order;            ///< as_given, by_origin, by_direction
+  std::string reason;           ///< why this order
+  std::size_t packet_rays = 0;  ///< traced sixteen at a time
+  std::size_t single_rays = 0;  ///< traced one by one
+  double order_ms = 0.0;        ///< looking and sorting
+};
+
 /// Sent when the request says `stats`.
 struct RayStats {
   std::size_t rays = 0;
@@ -19,6 +28,7 @@ struct RayStats {
   std::size_t misses = 0;
   std::size_t invalid = 0;
   double trace_ms = 0.0;
+  std::optional<RayPlan> plan;
 };
 [[nodiscard]] RayStats count_statuses(std::span<const RayStatus> status, double trace_ms);
 

@@ -115,7 +115,7 @@ class CastCommand final : public Command {
 
   [[nodiscard]] scene::TraceOptions trace_options(HitField fields, const std::stop_token& stop,
                                                   ProgressBar& bar) const {
-    return {parse_precision(precision_).value(), fields, stop, bar.callback()};
+    return {parse_precision(precision_).value(), fields, stop, bar.callback(), nullptr};
   }
 
   [[nodiscard]] int save(const std::string& bytes) const {

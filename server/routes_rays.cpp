@@ -42,17 +42,24 @@ const std::vector<RayStatus>& statuses(const std::vector<RayStatus>& status) {
   return status;
 }
 
+proto::RayPlan plan_of(const scene::TraceStats& traced) {
+  return {std::string(to_string(traced.order)), traced.reason, traced.packet_rays, traced.single_rays,
+          traced.order_ms};
+}
+
 /// From the engine's answer to the client's.
 template <class Answer>
 HttpResponse reply(Api& api, const Result<Answer>& answer, const scene::Scene& scene,
-                   const proto::RayRequest& rays, ReplyFormat format, const Cancellation& cancellation,
-                   Timing& timing) {
+                   const proto::RayRequest& rays, const scene::TraceStats& traced, ReplyFormat format,
+                   const Cancellation& cancellation, Timing& timing) {
   const double trace_ms = timing.mark("trace");
   if (!answer) return problem_response(problem_of(answer.error(), proto::ErrorContext::kQuery, cancellation));
   api.metrics.count_rays(statuses(*answer).size(), trace_ms);
   proto::ReplyHead head{scene.version(), rays.options.fields, std::nullopt};
-  if (rays.options.stats == proto::StatsMode::kOn)
+  if (rays.options.stats == proto::StatsMode::kOn) {
     head.stats = proto::count_statuses(statuses(*answer), trace_ms);
+    head.stats->plan = plan_of(traced);
+  }
   HttpResponse response{
       200,
       std::string(format == ReplyFormat::kJson ? proto::kJsonMediaType : proto::kHitsMediaType),
@@ -81,10 +88,15 @@ HttpResponse cast(Api& api, const HttpRequest& request, Cancellation& cancellati
   const auto permit = api.gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
-  const scene::TraceOptions options{rays->options.precision, rays->options.fields, cancellation.token(), {}};
-  if (query == RayQuery::kAny)
-    return reply(api, occluded(scene, rays->batch(), options), scene, *rays, *format, cancellation, timing);
-  return reply(api, intersect(scene, rays->batch(), options), scene, *rays, *format, cancellation, timing);
+  scene::TraceStats traced;
+  const scene::TraceOptions options{
+      rays->options.precision, rays->options.fields, cancellation.token(), {}, &traced};
+  if (query == RayQuery::kAny) {
+    const auto answer = occluded(scene, rays->batch(), options);
+    return reply(api, answer, scene, *rays, traced, *format, cancellation, timing);
+  }
+  const auto answer = intersect(scene, rays->batch(), options);
+  return reply(api, answer, scene, *rays, traced, *format, cancellation, timing);
 }
 
 }  // namespace

@@ -50,6 +50,25 @@ Refraction refract(const Surface& surface) {
   return {glm::normalize(direction), float(std::min(cos_in, cos_out))};
 }
 
+/// Calls lit(index, illumination, what the light adds where nothing shadows it) for every light that counts.
+template <class Lit>
+void each_light(const Lighting& lighting, const Surface& surface, const Brdf& brdf, const Lit& lit) {
+  for (std::size_t i = 0; i < lighting.lights.size(); ++i) {
+    const Illumination illumination = illuminate(lighting.lights[i], surface.point);
+    if (!(max_component(illumination.irradiance) > 0.F)) continue;
+    const Vec3d towards = glm::normalize(illumination.to_light);
+    const float cosine = float(glm::dot(surface.normal, towards));
+    if (!(cosine > 0.F)) continue;
+    const Vec3f added =
+        brdf.evaluate(surface.normal, surface.view, towards) * illumination.irradiance * cosine;
+    if (max_component(added) * lighting.exposure > kMinWeight) lit(i, illumination, added);
+  }
+}
+
+Vec3f next_answer(ShadowQueue& queue) {
+  return queue.status[queue.next++] == RayStatus::kHit ? Vec3f(0.F) : Vec3f(1.F);
+}
+
 }  // namespace
 
 Whitted::Whitted(const scene::Scene& scene, const Lighting& lighting, Precision precision, int max_depth)
@@ -63,20 +82,49 @@ Vec3f Whitted::radiance(const Ray& ray, const SurfaceHit& hit) const {
   return shade(ray, hit, {});
 }
 
+void Whitted::radiance(std::span<const Ray> rays, std::span<const SurfaceHit> hits, scene::RunTracer& tracer,
+                       ShadeScratch& scratch, std::span<Vec3f> colors) const {
+  scratch.surfaces.resize(rays.size());
+  scratch.queues.resize(lighting_.lights.size());
+  for (ShadowQueue& queue : scratch.queues) {
+    queue.rays.clear();
+    queue.from.clear();
+    queue.next = 0;
+  }
+  // Through glass a shadow ray goes on from surface to surface, alone.
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    if (hits[i].status != RayStatus::kHit) continue;
+    scratch.surfaces[i] = make_surface(scene_, rays[i], hits[i]);
+    if (!has_glass_) ask_for_shadows(scratch.surfaces[i], scratch.queues);
+  }
+  for (ShadowQueue& queue : scratch.queues) {
+    queue.status.resize(queue.rays.size());
+    tracer.occluded(queue.rays, queue.from, queue.status);
+  }
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    colors[i] = hits[i].status == RayStatus::kHit
+                    ? shade(scratch.surfaces[i], {}, has_glass_ ? nullptr : &scratch.queues)
+                    : shade(rays[i], hits[i], {});
+  }
+}
+
 Vec3f Whitted::trace(const Ray& ray, PrimitiveRef from, Path path) const {
   return shade(ray, scene::intersect(scene_, ray, precision_, from), path);
 }
 
 Vec3f Whitted::shade(const Ray& ray, const SurfaceHit& hit, Path path) const {
   if (hit.status != RayStatus::kHit) return lighting_.sky.radiance(glm::normalize(ray.direction));
-  const Surface surface = make_surface(scene_, ray, hit);
+  return shade(make_surface(scene_, ray, hit), path, nullptr);
+}
+
+Vec3f Whitted::shade(const Surface& surface, Path path, std::vector<ShadowQueue>* answered) const {
   const scene::Material& material = *surface.material;
   // Unlit colours are meant for the display as they are.
   if (material.unlit) return base_color(material) / lighting_.exposure;
 
   const Brdf brdf = make_brdf(material);
   const float cos_view = float(glm::dot(surface.normal, surface.view));
-  Vec3f color = emitted(material) + direct(surface, brdf);
+  Vec3f color = emitted(material) + direct(surface, brdf, answered);
   color += brdf.diffuse * (lighting_.sky.ambient(surface.normal) + cos_view * lighting_.head_light);
 
   Vec3f mirror = brdf.fresnel(cos_view);
@@ -92,19 +140,23 @@ Vec3f Whitted::shade(const Ray& ray, const SurfaceHit& hit, Path path) const {
   return color + reflected(surface, brdf, mirror, path);
 }
 
-Vec3f Whitted::direct(const Surface& surface, const Brdf& brdf) const {
+Vec3f Whitted::direct(const Surface& surface, const Brdf& brdf, std::vector<ShadowQueue>* answered) const {
   Vec3f sum(0.F);
-  for (const scene::Light& light : lighting_.lights) {
-    const Illumination illumination = illuminate(light, surface.point);
-    if (!(max_component(illumination.irradiance) > 0.F)) continue;
-    const Vec3d towards = glm::normalize(illumination.to_light);
-    const float cosine = float(glm::dot(surface.normal, towards));
-    if (!(cosine > 0.F)) continue;
-    const Vec3f lit = brdf.evaluate(surface.normal, surface.view, towards) * illumination.irradiance * cosine;
-    if (!(max_component(lit) * lighting_.exposure > kMinWeight)) continue;
-    sum += lit * visibility(surface, illumination);
-  }
+  each_light(
+      lighting_, surface, brdf, [&](std::size_t light, const Illumination& illumination, const Vec3f& lit) {
+        sum +=
+            lit * (answered != nullptr ? next_answer((*answered)[light]) : visibility(surface, illumination));
+      });
   return sum;
+}
+
+void Whitted::ask_for_shadows(const Surface& surface, std::vector<ShadowQueue>& queues) const {
+  if (surface.material->unlit) return;
+  each_light(lighting_, surface, make_brdf(*surface.material),
+             [&](std::size_t light, const Illumination& illumination, const Vec3f& /*lit*/) {
+               queues[light].rays.push_back(shadow_ray(surface, illumination));
+               queues[light].from.push_back(surface.primitive);
+             });
 }
 
 Vec3f Whitted::reflected(const Surface& surface, const Brdf& brdf, const Vec3f& share, Path path) const {
@@ -127,9 +179,13 @@ Vec3f Whitted::refracted(const Surface& surface, const Vec3d& direction, const V
   return share * trace(ray, surface.primitive, {path.depth + 1, weight});
 }
 
+Ray Whitted::shadow_ray(const Surface& surface, const Illumination& light) const {
+  return {spawn_origin(surface, surface.smooth_point, Leave::kTowardsViewer), light.to_light, 0.0,
+          light.tfar};
+}
+
 Vec3f Whitted::visibility(const Surface& surface, const Illumination& light) const {
-  const Vec3d origin = spawn_origin(surface, surface.smooth_point, Leave::kTowardsViewer);
-  const Ray shadow{origin, light.to_light, 0.0, light.tfar};
+  const Ray shadow = shadow_ray(surface, light);
   if (has_glass_) return through_glass(shadow, surface.primitive);
   const RayStatus status = scene::occluded(scene_, shadow, precision_, surface.primitive);
   return status == RayStatus::kHit ? Vec3f(0.F) : Vec3f(1.F);

@@ -3,9 +3,23 @@
 #include "core/render/brdf.h"
 #include "core/render/lighting.h"
 #include "core/render/surface.h"
-#include "core/scene/trace.h"
+#include "core/scene/run_tracer.h"
 
 namespace gridcast::render {
+
+/// Shadow rays of many surfaces to one light: asked for first, traced together, then read in the same order.
+struct ShadowQueue {
+  std::vector<Ray> rays;
+  std::vector<PrimitiveRef> from;
+  std::vector<RayStatus> status;
+  std::size_t next = 0;
+};
+
+/// Memory of Whitted::radiance over many rays, reused from call to call.
+struct ShadeScratch {
+  std::vector<Surface> surfaces;
+  std::vector<ShadowQueue> queues;  ///< one a light
+};
 
 /// The lecture's loop: closest hit, shadow rays and shading, then reflection and refraction, or the
 /// background. "An Improved Illumination Model for Shaded Display", T. Whitted, 1980; unlike the paper
@@ -17,6 +31,9 @@ class Whitted {
 
   /// Radiance along a primary ray whose closest hit (or miss) is known.
   [[nodiscard]] Vec3f radiance(const Ray& ray, const SurfaceHit& hit) const;
+  /// The same for many primary rays, bit for bit; their shadow rays are traced together, light by light.
+  void radiance(std::span<const Ray> rays, std::span<const SurfaceHit> hits, scene::RunTracer& tracer,
+                ShadeScratch& scratch, std::span<Vec3f> colors) const;
 
  private:
   struct Path {
@@ -26,7 +43,12 @@ class Whitted {
 
   [[nodiscard]] Vec3f trace(const Ray& ray, PrimitiveRef from, Path path) const;
   [[nodiscard]] Vec3f shade(const Ray& ray, const SurfaceHit& hit, Path path) const;
-  [[nodiscard]] Vec3f direct(const Surface& surface, const Brdf& brdf) const;
+  /// `answered` holds the shadows where they were traced before; null = trace them here.
+  [[nodiscard]] Vec3f shade(const Surface& surface, Path path, std::vector<ShadowQueue>* answered) const;
+  [[nodiscard]] Vec3f direct(const Surface& surface, const Brdf& brdf,
+                             std::vector<ShadowQueue>* answered) const;
+  void ask_for_shadows(const Surface& surface, std::vector<ShadowQueue>& queues) const;
+  [[nodiscard]] Ray shadow_ray(const Surface& surface, const Illumination& light) const;
   [[nodiscard]] Vec3f reflected(const Surface& surface, const Brdf& brdf, const Vec3f& share,
                                 Path path) const;
   [[nodiscard]] Vec3f refracted(const Surface& surface, const Vec3d& direction, const Vec3f& share,

@@ -18,16 +18,6 @@ namespace {
 /// Rays per task, and between two looks at the stop token.
 constexpr std::size_t kRaysPerTask = 2048;
 
-/// A hit as the caller sees it, but for its status.
-void describe(const Scene& scene, const Hit& hit, SurfaceHit& surface) {
-  surface.t = hit.t;
-  surface.u = hit.u;
-  surface.v = hit.v;
-  surface.instance_id = hit.instance_id;
-  surface.mesh_id = scene.instance(hit.instance_id).mesh_id;
-  surface.primitive_id = hit.primitive_id;
-}
-
 template <Precision kPrecision>
 SurfaceHit intersect_one(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
   SurfaceHit surface;

@@ -47,6 +47,16 @@ inline bool any_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excl
   return hit;
 }
 
+/// A hit as the caller sees it, but for its status and normal.
+inline void describe(const Scene& scene, const Hit& hit, SurfaceHit& surface) {
+  surface.t = hit.t;
+  surface.u = hit.u;
+  surface.v = hit.v;
+  surface.instance_id = hit.instance_id;
+  surface.mesh_id = scene.instance(hit.instance_id).mesh_id;
+  surface.primitive_id = hit.primitive_id;
+}
+
 /// Unit world normal of the geometric kind, from the corners in double.
 [[nodiscard]] Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray);
 

@@ -130,6 +130,8 @@ def test_answers_carry_version_and_timing(box):
     answer = box.post("/rays/closest", {"origins": [[0, 9, 0], [7, 9, 0]], "directions": [[0, -1, 0]] * 2, "stats": True})
     stats = answer.json()["stats"]
     assert (stats["rays"], stats["hits"], stats["misses"], stats["invalid"]) == (2, 1, 1, 0)
+    assert (stats["order"], stats["order_reason"]) == ("as_given", "few rays")
+    assert stats["packet_rays"] + stats["single_rays"] == 2
 
 
 def test_no_rays_is_an_empty_answer(box):

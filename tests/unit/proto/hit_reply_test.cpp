@@ -50,6 +50,11 @@ TEST(HitReply, occlusion_and_stats_have_their_golden_text) {
   EXPECT_EQ(write_occlusion_json({}, head),
             R"({"scene_version":"7","status":[],"occluded":[],"stats":{"rays":3,"hits":1,"misses":1,)"
             R"("invalid":1,"trace_ms":1.5}})");
+  head.stats->plan = RayPlan{"by_origin", "neighbours start far apart", 16, 2, 0.5};
+  EXPECT_EQ(write_occlusion_json({}, head),
+            R"({"scene_version":"7","status":[],"occluded":[],"stats":{"rays":3,"hits":1,"misses":1,)"
+            R"("invalid":1,"trace_ms":1.5,"order":"by_origin","order_reason":"neighbours start far apart",)"
+            R"("order_ms":0.5,"packet_rays":16,"single_rays":2}})");
 }
 
 /// A reader of the binary form written from its description alone.

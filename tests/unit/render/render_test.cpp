@@ -6,7 +6,10 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include "core/render/exposure.h"
+#include "core/render/sampling.h"
 #include "core/render/sky.h"
+#include "core/render/whitted.h"
 #include "core/scene/trace.h"
 #include "tests/unit/render/render_scene.h"
 
@@ -72,6 +75,34 @@ TEST(Render, layers_equal_the_same_rays_cast_one_by_one) {
     }
   }
   EXPECT_GT(hits, 300U);
+}
+
+TEST(Render, colours_equal_those_of_pixels_shaded_one_by_one) {
+  const auto plain = two_objects();
+  const auto lit = SceneMaker()
+                       .add(test::jittered_icosphere(3, 4), mirror())
+                       .add(test::box({-3, -2, -3}, {3, -1, 3}), matt(0.8F, 0.6F, 0.4F))
+                       .light(directional({-1, -2, -0.5}, 900.0))
+                       .light(directional({1, -1, -0.5}, 400.0))
+                       .build();
+  for (const auto& scene : {plain, lit}) {
+    RenderSettings settings = all_layers(1);
+    settings.camera = default_camera(*scene, 1.0);
+    const Film film = rendered(*scene, settings);
+    const Lighting lighting = light_scene(*scene, settings);
+    const Whitted whitted(*scene, lighting, settings.precision, settings.max_depth);
+    const std::vector<float>& values = film.find("color")->values;
+    for (int y = 0; y < settings.height_px; ++y) {
+      for (int x = 0; x < settings.width_px; ++x) {
+        const glm::dvec2 offset = pixel_sample(std::uint32_t(x), std::uint32_t(y), 0, 1);
+        const Ray ray =
+            primary_ray(settings.camera, settings.width_px, settings.height_px, x + offset.x, y + offset.y);
+        const Vec3f color = whitted.radiance(ray, scene::intersect(*scene, ray));
+        const auto pixel = 4 * std::size_t(y * settings.width_px + x);
+        for (std::size_t c = 0; c < 3; ++c) ASSERT_EQ(values[pixel + c], color[int(c)]) << x << ' ' << y;
+      }
+    }
+  }
 }
 
 TEST(Render, the_bits_do_not_depend_on_the_number_of_threads) {

@@ -1,0 +1,42 @@
+#include "core/scene/run_tracer.h"
+
+#include <algorithm>
+
+#include "core/scene/trace_one.h"
+
+namespace gridcast::scene {
+
+void RunTracer::load(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded) {
+  run_.rays.assign(rays.begin(), rays.end());
+  run_.excluded.assign(excluded.begin(), excluded.end());
+}
+
+void RunTracer::intersect(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,
+                          std::span<SurfaceHit> hits) {
+  load(rays, excluded);
+  if (precision_ == Precision::kFast) {
+    trace_run<Precision::kFast, false>(target_, run_);
+  } else {
+    trace_run<Precision::kRobust, false>(target_, run_);
+  }
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    hits[i] = {};
+    hits[i].status = run_.status[i];
+    if (run_.status[i] != RayStatus::kHit) continue;
+    describe(target_.scene, run_.hits[i], hits[i]);
+    hits[i].normal = geometric_normal(target_.scene, run_.hits[i], rays[i]);
+  }
+}
+
+void RunTracer::occluded(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,
+                         std::span<RayStatus> status) {
+  load(rays, excluded);
+  if (precision_ == Precision::kFast) {
+    trace_run<Precision::kFast, true>(target_, run_);
+  } else {
+    trace_run<Precision::kRobust, true>(target_, run_);
+  }
+  std::copy(run_.status.begin(), run_.status.end(), status.begin());
+}
+
+}  // namespace gridcast::scene
