@@ -222,6 +222,8 @@ class PacketWalk {
       ray.kx = frame_.axes[0];
       ray.ky = frame_.axes[1];
       ray.kz = frame_.axes[2];
+      ray.axes_origin = {packet_.origin[ray.kx][r], packet_.origin[ray.ky][r], packet_.origin[ray.kz][r]};
+      ray.direction_z = packet_.direction[ray.kz][r];
       ray.distance = max_abs(ray.origin) + double(bounds_.magnitude());
       ray.side_error = 0x1p-45 * ray.distance * ray.distance;
     }
