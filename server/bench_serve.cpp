@@ -154,7 +154,8 @@ Status serve_set(const measure::BenchScene& bench_scene, const std::shared_ptr<c
         scene::intersect(*scene, rays.batch(), {Precision::kRobust, HitField::kAll, options.stop, {}});
     return hits ? ok_status() : Status(hits.error());
   };
-  if (Status status = interleave(timed, threads, options, progress); !status) return status;
+  if (Status status = interleave(timed, threads, measure::ClockKind::kWall, options, progress); !status)
+    return status;
   measure::ServeRow row;
   row.scene = bench_scene.name;
   row.set = measure::to_string(rays.kind);

@@ -21,11 +21,12 @@ struct TreeContender {
 };
 
 template <class Row>
-Row row_of(const BenchScene& scene, std::size_t threads, std::string engine, std::string structure) {
+Row row_of(const BenchScene& scene, std::size_t threads, const std::string& engine,
+           const std::string& structure) {
   Row row;
   row.scene = scene.name;
-  row.engine = std::move(engine);
-  row.structure = std::move(structure);
+  row.engine = engine;
+  row.structure = structure;
   row.threads = threads;
   row.triangles = scene.data.meshes[0]->triangle_count();
   return row;
@@ -43,11 +44,11 @@ scene::SceneData one_mesh(const BenchScene& scene) {
 template <class Row>
 const Samples& samples_of(const std::vector<TreeContender<Row>>& contenders, const std::vector<Timed>& timed,
                           std::string_view structure) {
-  static const Samples kNone;
+  static const Samples none;
   for (std::size_t i = 0; i < contenders.size(); ++i)
     if (contenders[i].row.engine == "embree" && contenders[i].row.structure == structure)
       return timed[i].seconds;
-  return kNone;
+  return none;
 }
 
 template <class Row>
@@ -123,7 +124,8 @@ Status builds_on(std::size_t threads, const BenchScene& scene, const BenchOption
         {row_of<BuildRow>(scene, threads, "gridcast", std::string(blas::to_string(kind))), {}, {}});
     timed.push_back(timed_build(contenders.back(), data.meshes[0], kind, options.stop));
   }
-  if (Status status = interleave(timed, threads, options, progress); !status) return status;
+  if (Status status = interleave(timed, threads, clock_for(threads), options, progress); !status)
+    return status;
   const Samples &medium = samples_of(contenders, timed, "medium"),
                 &low = samples_of(contenders, timed, "low");
   for (std::size_t i = 0; i < contenders.size(); ++i) {
@@ -186,7 +188,8 @@ Status refits_on(std::size_t threads, const BenchScene& scene, const BenchOption
   }
   timed.reserve(contenders.size());
   for (RefitContender& contender : contenders) timed.push_back(timed_refit(contender, poses));
-  if (Status status = interleave(timed, threads, options, progress); !status) return status;
+  if (Status status = interleave(timed, threads, clock_for(threads), options, progress); !status)
+    return status;
   for (std::size_t i = 0; i < contenders.size(); ++i) {
     fill_speed(contenders[i].row, timed[i].seconds);
     contenders[i].row.vs_embree_refit = speedup(timed[i].seconds, timed[0].seconds);

@@ -113,8 +113,10 @@ class InstancesOfScene {
     }
     tlas::TopLevel built;
     if (stride == 1) timed.push_back(timed_build(boxes_, built));
-    if (Status status = interleave(timed, threads, options_, progress_); !status) return status;
+    if (Status status = interleave(timed, threads, clock_for(threads), options_, progress_); !status)
+      return status;
     std::vector<InstanceRow> rows;
+    rows.reserve(timed.size());
     for (UpdateContender& contender : contenders) rows.push_back(contender.row);
     if (stride == 1) rows.push_back(row(threads, "gridcast", kind, "build"));
     finish(rows, timed, contenders);

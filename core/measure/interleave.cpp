@@ -4,8 +4,8 @@
 
 namespace gridcast::measure {
 
-Status interleave(std::vector<Timed>& contenders, std::size_t threads, const BenchOptions& options,
-                  const scene::ProgressCallback& progress) {
+Status interleave(std::vector<Timed>& contenders, std::size_t threads, ClockKind clock,
+                  const BenchOptions& options, const scene::ProgressCallback& progress) {
   oneapi::tbb::task_arena arena(int(threads), 1);
   const double steps = double((options.repeat + 1) * contenders.size());
   double done = 0.0;
@@ -14,7 +14,7 @@ Status interleave(std::vector<Timed>& contenders, std::size_t threads, const Ben
       if (options.stop.stop_requested()) return Error{ErrorCode::kCancelled, "the benchmark was stopped", ""};
       if (contender.before) contender.before();
       Status status = ok_status();
-      const double taken = seconds([&] { arena.execute([&] { status = contender.run(); }); });
+      const double taken = seconds(clock, [&] { arena.execute([&] { status = contender.run(); }); });
       if (!status) return status;
       if (round > 0) contender.seconds.push_back(taken);
       if (contender.after) contender.after();

@@ -20,7 +20,7 @@ struct Timed {
 
 /// Runs every contender once to warm up, then options.repeat times, one after the other, on `threads`
 /// threads. kCancelled when stopped; else the first error of a contender.
-[[nodiscard]] Status interleave(std::vector<Timed>& contenders, std::size_t threads,
+[[nodiscard]] Status interleave(std::vector<Timed>& contenders, std::size_t threads, ClockKind clock,
                                 const BenchOptions& options, const scene::ProgressCallback& progress);
 
 }  // namespace gridcast::measure

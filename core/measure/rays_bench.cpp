@@ -129,7 +129,7 @@ class RaysOfScene {
         Contender& contender = contenders_[i];
         scratch_ = {};
         if (contender.row.entry != "batch") scratch_.resize(rays.size(), query_of(rays.kind));
-        const double taken = seconds([&] { arena.execute(contender.run); });
+        const double taken = seconds(clock_for(threads), [&] { arena.execute(contender.run); });
         if (options_.stop.stop_requested()) return cancelled();
         // The first round warms up, and gives the answers that the others are compared with.
         if (round > 0) contender.seconds.push_back(taken);

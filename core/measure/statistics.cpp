@@ -1,7 +1,9 @@
 #include "core/measure/statistics.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <ctime>
 
 namespace gridcast::measure {
 namespace {
@@ -27,6 +29,15 @@ double spread(Samples samples) {
   std::sort(samples.begin(), samples.end());
   const double middle = quantile(samples, 0.5);
   return middle > 0.0 ? (quantile(samples, 0.75) - quantile(samples, 0.25)) / middle : 0.0;
+}
+
+double now_s(ClockKind clock) {
+  if (clock == ClockKind::kThread) {
+    timespec now{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
+  }
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 double speedup(const Samples& ours_s, const Samples& theirs_s) {

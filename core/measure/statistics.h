@@ -1,6 +1,7 @@
 #pragma once
 
-#include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 namespace gridcast::measure {
@@ -16,12 +17,21 @@ using Samples = std::vector<double>;
 /// a machine that slows down meanwhile changes nothing. 0 when a series is missing.
 [[nodiscard]] double speedup(const Samples& ours_s, const Samples& theirs_s);
 
+/// kThread: time that the calling thread was running, the system's work for it included. What others do on a
+/// shared machine then counts only by what they take from caches. For work on one thread; else kWall.
+enum class ClockKind : std::uint8_t { kWall, kThread };
+[[nodiscard]] constexpr ClockKind clock_for(std::size_t threads) {
+  return threads == 1 ? ClockKind::kThread : ClockKind::kWall;
+}
+/// Seconds since some moment.
+[[nodiscard]] double now_s(ClockKind clock);
+
 /// Seconds that `work()` takes.
 template <class Work>
-double seconds(const Work& work) {
-  const auto begin = std::chrono::steady_clock::now();
+double seconds(ClockKind clock, const Work& work) {
+  const double begin = now_s(clock);
   work();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return now_s(clock) - begin;
 }
 
 }  // namespace gridcast::measure

@@ -1,0 +1,114 @@
+"""gridcast bench on tiny scenes: what it measures, the shape of its JSON, wrong usage, Ctrl-C. Never how fast."""
+
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+import models
+
+DONE, USAGE, INTERRUPTED = 0, 2, 130
+SCHEMA = json.loads((Path(__file__).resolve().parents[1] / "bench/report.schema.json").read_text())
+TINY = ["--size", "0.01", "--rays", "400", "--repeat", "1"]
+
+
+@pytest.fixture
+def bench(binary, tmp_path):
+    def call(*arguments):
+        return subprocess.run([binary, "bench", *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True,
+                              timeout=120, check=False)
+    return call
+
+
+@pytest.fixture
+def report(bench, tmp_path):
+    def call(*arguments):
+        done = bench(*arguments, "--quiet", "--json", "bench.json")
+        assert done.returncode == DONE, done
+        assert done.stdout == "" and done.stderr == ""
+        read = json.loads((tmp_path / "bench.json").read_text())
+        jsonschema.validate(read, SCHEMA)
+        return read
+    return call
+
+
+def values(rows, key):
+    return {row[key] for row in rows}
+
+
+def test_every_section_has_rows_of_the_agreed_shape(report):
+    read = report(*TINY, "--scene", "S1,I1", "--set", "primary,ao")
+    assert values(read["rays"], "scene") == {"S1", "I1"}
+    assert values(read["rays"], "set") == {"primary", "ao"}
+    assert values(read["rays"], "engine") == {"gridcast", "embree"}
+    ours = [row for row in read["rays"] if row["engine"] == "gridcast"]
+    assert values(ours, "entry") == {"single", "batch"} and values(ours, "precision") == {"fast", "robust"}
+    assert values(read["build"], "scene") == {"S1"} == values(read["refit"], "scene")
+    assert {"low", "medium", "high"} <= values(read["build"], "structure")
+    assert values(read["instances"], "update") == {"build", "all_moved", "one_percent_moved"}
+    assert values(read["serve"], "set") == {"primary"}, "the server's batch is of closest hits"
+
+
+def test_no_answer_differs_from_single_rays_or_brute_force(report):
+    read = report(*TINY, "--scene", "all", "--section", "rays", "--structure", "wide_bvh,kd_tree")
+    assert len(read["checks"]) == 13 * 6 * 2 * 2 * 2
+    assert all(row["differs"] == 0 == row["brute_force_differs"] for row in read["checks"])
+    assert sum(row["brute_force_rays"] for row in read["checks"]) > 1000
+    assert sum(row["embree_differs"] for row in read["checks"]) < 0.05 * sum(row["rays"] for row in read["checks"])
+
+
+def test_options_narrow_what_is_measured(report):
+    read = report(*TINY, "--scene", "S2", "--section", "rays", "--set", "shadow", "--structure", "bvh", "--precision", "robust",
+                  "--threads", "1,2", "--seed", "9")
+    assert values(read["rays"], "threads") == {1, 2}
+    assert values([row for row in read["rays"] if row["engine"] == "gridcast"], "structure") == {"bvh"}
+    assert (read["settings"]["seed"], read["settings"]["rays"], read["settings"]["repeat"]) == (9, 400, 1)
+    assert not read["build"] and not read["serve"]
+
+
+def test_a_file_is_measured_like_a_scene(report, tmp_path):
+    (tmp_path / "row.glb").write_bytes(models.row_of_spheres())
+    read = report("--file", "row.glb", "--rays", "300", "--repeat", "1", "--set", "primary,diffuse")
+    for section in ("rays", "build", "refit", "instances", "serve"):
+        assert values(read[section], "scene") == {"row"}, section
+
+
+def test_people_get_tables_and_no_bar_in_a_pipe(bench):
+    done = bench(*TINY, "--scene", "S5", "--set", "ao", "--structure", "wide_bvh")
+    assert done.returncode == DONE
+    assert "Embree" in done.stdout and "Mrays/s" in done.stdout and "bytes/tri" in done.stdout
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("arguments", [["--scene", "S9"], ["--set", "bounce"], ["--structure", "octree"], ["--threads", "0"],
+                                       ["--rays", "-4"], ["--rays", "x"], ["--repeat", "0"], ["--section", "speed"],
+                                       ["--size", "2"], ["--precision", "exact"], ["--fast"], ["S1"],
+                                       ["--scene", "S1", "--file", "x.glb"]], ids=" ".join)
+def test_wrong_usage_is_2_with_one_line(bench, arguments):
+    done = bench(*arguments)
+    assert done.returncode == USAGE and done.stdout == ""
+    assert done.stderr.startswith("gridcast: ") and done.stderr.count("\n") == 1
+
+
+def test_a_missing_file_is_1(bench):
+    done = bench("--file", "none.glb")
+    assert done.returncode == 1 and "none.glb" in done.stderr
+
+
+def test_help_names_units_and_scenes(bench):
+    text = bench("--help").stdout
+    for word in ("Mrays/s", "(ms)", "(ns)", "S1 to S6", "--json", "--quick"):
+        assert word in text
+
+
+def test_ctrl_c_ends_with_130_and_leaves_no_file(binary, tmp_path):
+    process = subprocess.Popen([binary, "bench", "--scene", "S1", "--json", "bench.json"], cwd=tmp_path,
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(30) == INTERRUPTED
+    assert not (tmp_path / "bench.json").exists()
