@@ -120,7 +120,9 @@ Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const 
   if (!status) return status.error();
 
   blas.mesh_ = std::move(moved);
-  blas.bounds_ = blas.mesh_->bounds();
+  // Every box was just drawn: no need to look at every vertex again.
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&blas.structure_);
+  blas.bounds_ = wide != nullptr ? (*wide)->root_bounds() : blas.mesh_->bounds();
   blas.options_ = options_;
   blas.stats_ = stats_;
   ++blas.stats_.refits_since_build;

@@ -3,8 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include <oneapi/tbb/cache_aligned_allocator.h>
-
+#include "core/blas/uninitialized_allocator.h"
 #include "core/math/vec.h"
 
 namespace gridcast::blas {
@@ -21,6 +20,6 @@ struct alignas(32) TriangleBlock {
 };
 static_assert(sizeof(TriangleBlock) == 160);
 
-using TriangleBlocks = std::vector<TriangleBlock, oneapi::tbb::cache_aligned_allocator<TriangleBlock>>;
+using TriangleBlocks = std::vector<TriangleBlock, UninitializedAllocator<TriangleBlock>>;
 
 }  // namespace gridcast::blas

@@ -6,12 +6,11 @@
 #include <stop_token>
 #include <vector>
 
-#include <oneapi/tbb/cache_aligned_allocator.h>
-
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
 #include "core/blas/ray_packet.h"
 #include "core/blas/triangle_block.h"
+#include "core/blas/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 
@@ -54,7 +53,7 @@ inline std::uint32_t leaf(std::uint32_t first_block, std::uint32_t blocks) {
 }
 }  // namespace wide_child
 
-using WideNodes = std::vector<WideNode, oneapi::tbb::cache_aligned_allocator<WideNode>>;
+using WideNodes = std::vector<WideNode, UninitializedAllocator<WideNode>>;
 
 /// Leaves hold at most two blocks.
 inline constexpr std::size_t kMaxWideLeaf = 8;
@@ -82,12 +81,21 @@ class WideBvh {
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;
 
+  /// What the root's boxes contain; after a refit the box of the mesh.
+  [[nodiscard]] Bounds3f root_bounds() const {
+    Bounds3f box;
+    if (nodes_.empty()) return box;
+    for (std::uint32_t slot = 0; slot < nodes_[0].slots; ++slot) box.extend(nodes_[0].box(slot));
+    return box;
+  }
+
   [[nodiscard]] const WideNodes& nodes() const { return nodes_; }
   [[nodiscard]] const TriangleBlocks& blocks() const { return blocks_; }
 
  private:
   WideNodes nodes_;  ///< parents before children
   TriangleBlocks blocks_;
+  std::size_t reference_count_ = 0;
   SpatialSplits spatial_ = SpatialSplits::kNever;  ///< whether several leaves may hold a triangle
 };
 

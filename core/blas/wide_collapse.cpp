@@ -3,19 +3,41 @@
 #include <algorithm>
 #include <limits>
 
+#include <oneapi/tbb/parallel_invoke.h>
+
 #include "core/blas/cost_model.h"
 #include "core/blas/wide_bvh.h"
 
 namespace gridcast::blas {
+namespace {
+
+/// Subtrees of fewer nodes are solved by one thread.
+constexpr std::size_t kTaskNodes = 4096;
+
+}  // namespace
+
 WideCollapse::WideCollapse(const BvhTree& tree)
     : tree_(tree),
       cost_(tree.nodes.size()),
       count_(tree.nodes.size()),
       first_(tree.nodes.size()),
       leaf_(tree.nodes.size()) {
-  // Children have larger indices than their parent; nodes[1] is unused.
-  for (std::size_t i = tree.nodes.size(); i-- > 0;)
-    if (i != 1) solve(std::uint32_t(i));
+  solve_subtree(0, 2, tree.nodes.size());
+}
+
+/// `self` and the nodes below it, which fill [begin, end): depth first, so the second child's share starts
+/// where the first one's ends.
+void WideCollapse::solve_subtree(std::size_t self, std::size_t begin, std::size_t end) {
+  if (end - begin < kTaskNodes) {
+    // Children come after their parents: backwards is bottom up.
+    for (std::size_t i = end; i > begin; --i) solve(std::uint32_t(i - 1));
+  } else {
+    const std::size_t first = tree_.nodes[self].first;
+    const std::size_t middle = tree_.nodes[first + 1].leaf() ? end : tree_.nodes[first + 1].first;
+    oneapi::tbb::parallel_invoke([&] { solve_subtree(first, begin + 2, middle); },
+                                 [&] { solve_subtree(first + 1, middle, end); });
+  }
+  solve(std::uint32_t(self));
 }
 
 void WideCollapse::solve(std::uint32_t node) {
@@ -61,12 +83,12 @@ int WideCollapse::best_left(std::uint32_t node, int slots) const {
   return best;
 }
 
-void WideCollapse::gather(std::uint32_t node, int slots, std::vector<WideSlot>& out) const {
+void WideCollapse::gather(std::uint32_t node, int slots, WideSlots& out) const {
   const BvhNode& n = tree_.nodes[node];
   // The fewest slots that reach the least cost: cost never rises with the number of slots.
   while (slots > 1 && cost_[node][std::size_t(slots - 2)] <= cost_[node][std::size_t(slots - 1)]) --slots;
   if (slots == 1) {
-    out.push_back({node, is_leaf(node)});
+    out.add({node, is_leaf(node)});
     return;
   }
   const int left = best_left(node, slots);
@@ -74,8 +96,8 @@ void WideCollapse::gather(std::uint32_t node, int slots, std::vector<WideSlot>& 
   gather(n.first + 1, slots - left, out);
 }
 
-std::vector<WideSlot> WideCollapse::slots(std::uint32_t node) const {
-  std::vector<WideSlot> out;
+WideSlots WideCollapse::slots(std::uint32_t node) const {
+  WideSlots out;
   const BvhNode& n = tree_.nodes[node];
   const int left = best_left(node, kSlots);
   gather(n.first, left, out);

@@ -14,16 +14,24 @@ struct WideSlot {
   bool leaf;
 };
 
+/// Of one wide node.
+struct WideSlots {
+  std::array<WideSlot, 8> at{};
+  std::uint32_t size = 0;
+  void add(const WideSlot& slot) { at[size++] = slot; }
+};
+
 /// How to turn a binary tree into one of eight children at the least surface-area cost.
 /// "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", H. Ylitie, 2017: cost(n, k) is
 /// the least cost of covering the subtree of n with at most k slots. Unlike the paper leaves cost by blocks
 /// of four.
 class WideCollapse {
  public:
+  /// In parallel.
   explicit WideCollapse(const BvhTree& tree);
 
   /// The slots of the wide node that stands for the binary inner node `node`.
-  [[nodiscard]] std::vector<WideSlot> slots(std::uint32_t node) const;
+  [[nodiscard]] WideSlots slots(std::uint32_t node) const;
   /// Whether the whole subtree is best kept as one leaf.
   [[nodiscard]] bool is_leaf(std::uint32_t node) const { return leaf_[node] != 0; }
   /// Triangles below `node`, contiguous in the tree's primitive order from first_primitive().
@@ -36,8 +44,9 @@ class WideCollapse {
   using Costs = std::array<float, kSlots - 1>;
 
   void solve(std::uint32_t node);
+  void solve_subtree(std::size_t self, std::size_t begin, std::size_t end);
   [[nodiscard]] int best_left(std::uint32_t node, int slots) const;
-  void gather(std::uint32_t node, int slots, std::vector<WideSlot>& out) const;
+  void gather(std::uint32_t node, int slots, WideSlots& out) const;
 
   const BvhTree& tree_;
   std::vector<Costs> cost_;

@@ -132,11 +132,7 @@ Status WideBvh::validate(const mesh::TriangleMesh& mesh) const {
 void WideBvh::add_stats(StructureStats& stats) const {
   stats.node_count = nodes_.size();
   stats.leaf_count = 0;
-  stats.reference_count = 0;
-  // A block that is not full repeats its last triangle.
-  for (const TriangleBlock& block : blocks_)
-    for (int lane = 0; lane < 4; ++lane)
-      stats.reference_count += lane == 0 || block.ids[lane] != block.ids[lane - 1] ? 1 : 0;
+  stats.reference_count = reference_count_;
   stats.max_depth = 0;
   stats.memory_bytes = nodes_.capacity() * sizeof(WideNode) + blocks_.capacity() * sizeof(TriangleBlock);
   stats.cost = 0.0;
