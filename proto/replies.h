@@ -102,7 +102,7 @@ struct InstanceList {
 struct StructureInfo {
   std::uint64_t scene_version = 0;
   struct TopLevel {
-    std::string kind;  ///< none, uniform_grid
+    std::string kind;  ///< none, one_level, uniform_grid, nested_grid
     std::string reason;
     std::uint32_t cells[3] = {0, 0, 0};
     Bounds3d bounds;

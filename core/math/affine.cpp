@@ -5,7 +5,7 @@
 namespace gridcast {
 namespace {
 
-Mat3d abs(const Mat3d& m) {
+inline Mat3d abs(const Mat3d& m) {
   return {glm::abs(m[0]), glm::abs(m[1]), glm::abs(m[2])};
 }
 
@@ -26,10 +26,6 @@ double round_trip_error_of(const Mat3d& a, const Mat3d& inverse, double conditio
 
 }  // namespace
 
-double row_sum_norm(const Mat3d& m) {
-  return max_abs(glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
-}
-
 InstanceTransform::InstanceTransform(const Affine& world_from_object)
     : world_from_object_(world_from_object) {
   active_ = false;
@@ -44,7 +40,9 @@ InstanceTransform::InstanceTransform(const Affine& world_from_object)
   const Mat3d inverse = glm::inverse(a * scale) * scale;
   if (!is_finite(inverse)) return;
 
-  const double condition = row_sum_norm(abs(a) * abs(inverse));
+  // The row sums of |a||inverse| are |a| times those of |inverse|.
+  const Vec3d inverse_rows = glm::abs(inverse[0]) + glm::abs(inverse[1]) + glm::abs(inverse[2]);
+  const double condition = max_abs(abs(a) * inverse_rows);
   if (!(condition <= kMaxCondition)) return;
   const double round_trip_error = round_trip_error_of(a, inverse, condition);
   if (!(round_trip_error <= kMaxRoundTripError)) return;

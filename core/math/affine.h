@@ -65,7 +65,9 @@ class InstanceTransform {
 };
 
 /// Largest row sum of absolute values: the factor by which m can enlarge a largest component.
-[[nodiscard]] double row_sum_norm(const Mat3d& m);
+[[nodiscard]] inline double row_sum_norm(const Mat3d& m) {
+  return max_abs(glm::abs(m[0]) + glm::abs(m[1]) + glm::abs(m[2]));
+}
 
 // Limits of an active transform.
 /// Largest condition(): beyond it the inverse has fewer than ten good bits.

@@ -29,8 +29,9 @@ tlas::InstanceBox hit_box(const InstanceTransform& transform, const MeshHull& hu
     const double length = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
     const double translation = placed.translation[axis];
     const double room = length * growth + 0x1p-50 * (length * size + std::abs(translation));
-    box.bounds.lower[axis] = translation - (hull.reach(-n) + room);
-    box.bounds.upper[axis] = translation + (hull.reach(n) + room);
+    const MeshHull::Reach reach = hull.reach(n);
+    box.bounds.lower[axis] = translation - (reach.backward + room);
+    box.bounds.upper[axis] = translation + (reach.forward + room);
     linear_norm = std::max(linear_norm, length);
   }
 

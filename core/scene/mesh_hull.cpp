@@ -95,24 +95,4 @@ MeshHull::MeshHull(const mesh::TriangleMesh& mesh, const Bounds3f& bounds) {
   }
 }
 
-double MeshHull::reach(const Vec3d& n) const {
-  int step[3] = {1, 3, 9};
-  double size[3];
-  for (int axis = 0; axis < 3; ++axis) {
-    size[axis] = std::abs(n[axis]);
-    if (n[axis] < 0.0) step[axis] = -step[axis];
-  }
-  const auto order = [&](int a, int b) {
-    if (size[a] >= size[b]) return;
-    std::swap(size[a], size[b]);
-    std::swap(step[a], step[b]);
-  };
-  order(0, 1);
-  order(1, 2);
-  order(0, 1);
-  const int face = step[0], edge = face + step[1], corner = edge + step[2];
-  return (size[0] - size[1]) * double(at(face)) + (size[1] - size[2]) * double(at(edge)) +
-         size[2] * double(at(corner));
-}
-
 }  // namespace gridcast::scene

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 
 #include "core/math/bounds.h"
@@ -24,12 +25,35 @@ class MeshHull {
   /// Largest absolute coordinate of a vertex.
   [[nodiscard]] float magnitude() const { return magnitude_; }
 
-  /// At least n . p for every vertex p, within the rounding of doubles (5 times 2^-53 |n|_1 magnitude()).
+  struct Reach {
+    double backward, forward;
+  };
+  /// `forward` is at least n . p and `backward` at least -n . p for every vertex p, within the rounding of
+  /// doubles (5 times 2^-53 |n|_1 magnitude()).
   ///
   /// n = (a - b) e + (b - c) (e + f) + c (e + f + g) where a >= b >= c are its components without their signs
   /// and e, f, g the signed axes in that order: a sum of three of the 26 directions with factors >= 0, and
   /// the reach along a sum is at most the sum of the reaches.
-  [[nodiscard]] double reach(const Vec3d& n) const;
+  [[nodiscard]] Reach reach(const Vec3d& n) const {
+    int step[3] = {n.x < 0.0 ? -1 : 1, n.y < 0.0 ? -3 : 3, n.z < 0.0 ? -9 : 9};
+    double size[3] = {std::abs(n.x), std::abs(n.y), std::abs(n.z)};
+    const auto order = [&](int a, int b) {
+      const bool swap = size[a] < size[b];
+      const double larger = swap ? size[b] : size[a], smaller = swap ? size[a] : size[b];
+      const int first = swap ? step[b] : step[a], second = swap ? step[a] : step[b];
+      size[a] = larger;
+      size[b] = smaller;
+      step[a] = first;
+      step[b] = second;
+    };
+    order(0, 1);
+    order(1, 2);
+    order(0, 1);
+    const int face = step[0], edge = face + step[1], corner = edge + step[2];
+    const double f = size[0] - size[1], e = size[1] - size[2], c = size[2];
+    return {f * double(at(-face)) + e * double(at(-edge)) + c * double(at(-corner)),
+            f * double(at(face)) + e * double(at(edge)) + c * double(at(corner))};
+  }
 
  private:
   /// Direction (x, y, z), each -1, 0 or 1, is number x + 3 y + 9 z; 0 is unused.

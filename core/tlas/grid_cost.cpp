@@ -2,7 +2,7 @@
 
 #include <cmath>
 #include <cstdio>
-#include <functional>
+#include <vector>
 
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_reduce.h>
@@ -12,27 +12,11 @@ namespace {
 
 /// Rays may start this many scene extents away and still be walked. Larger would give boxes more room.
 constexpr double kReachInExtents = 0x1p12;
+/// Boxes and cells from which the share of the occupied space is found.
+constexpr std::size_t kSamples = 2048;
+constexpr double kSampleCells = 2048.0;
 /// Room around the union of all boxes, in extents: boxes whose own room is larger are tested for every ray.
 constexpr double kMarginInExtents = 0x1p-13;
-
-/// Sums over the boxes, in extents of the grid, from which the cost of any resolution follows.
-struct BoxSums {
-  double count = 0.0;
-  Vec3d extent{0.0};  // sum of e
-  Vec3d faces{0.0};   // sum of (ey ez, ez ex, ex ey)
-};
-
-BoxSums sum_boxes(std::span<const InstanceBox> boxes, const Vec3d& grid_extent) {
-  BoxSums sums;
-  for (const InstanceBox& box : boxes) {
-    if (box.bounds.empty()) continue;
-    const Vec3d e = box.bounds.extent() / grid_extent;
-    sums.count += 1.0;
-    sums.extent += e;
-    sums.faces += Vec3d(e.y * e.z, e.z * e.x, e.x * e.y);
-  }
-  return sums;
-}
 
 /// Cells along each axis so that cells are about cubes and about `target` in number. An axis shorter than a
 /// cell gets one, and the others share the target among them.
@@ -59,47 +43,53 @@ void set_cells(GridLayout& layout, double target) {
     layout.cell[axis] = extent[axis] / count;
     layout.inverse_cell[axis] = count / extent[axis];
   }
+  layout.prepare();
 }
 
-/// Expected cost of a random ray through the grid. An instance is tested when the ray meets its range of
-/// cells, which is on average one cell longer than its box on each axis.
-double grid_cost(const GridLayout& layout, const BoxSums& sums) {
-  // Everything in extents of the grid, whose faces then weigh as their true areas.
-  const Vec3d extent = layout.bounds.extent() / max_abs(layout.bounds.extent());
-  const Vec3d face_area{extent.y * extent.z, extent.z * extent.x, extent.x * extent.y};
-  const double grid_area = face_area.x + face_area.y + face_area.z;
-  const Vec3d c{1.0 / layout.cells[0], 1.0 / layout.cells[1], 1.0 / layout.cells[2]};
-
-  double cell_area = 0.0, range_area = 0.0;
-  for (int axis = 0; axis < 3; ++axis) {
-    const int a = (axis + 1) % 3, b = (axis + 2) % 3;
-    cell_area += face_area[axis] * c[a] * c[b];
-    const double mean_faces =
-        sums.faces[axis] + c[a] * sums.extent[b] + c[b] * sums.extent[a] + sums.count * c[a] * c[b];
-    // No range is larger than the grid.
-    range_area += face_area[axis] * std::min(mean_faces, sums.count);
-  }
-  const double steps = double(layout.cell_count()) * cell_area / grid_area;
-  const double tests = range_area / grid_area;
-  return kWalkSetupCost + kStepCost * steps + kBoxTestCost * tests;
+/// What a cell with `mean` instances on average costs a ray. Their number varies like Poisson's.
+double cell_cost(double mean) {
+  const double occupied = 1.0 - std::exp(-mean);
+  if (mean > double(kMaxFlat))
+    return kCellCost + kNodeCost * (1.0 + kNodesPerDoubling * std::log2(mean / 8.0));
+  const double listed = mean / occupied;
+  return occupied * (kCellCost + kGroupCost * std::max(1.0, listed / 8.0 + 0.4));
 }
 
-std::uint64_t count_references(const GridLayout& layout, std::span<const InstanceBox> boxes) {
-  using Range = tbb::blocked_range<std::size_t>;
-  return tbb::parallel_reduce(
-      Range(0, boxes.size(), 8192), std::uint64_t(0),
-      [&](const Range& range, std::uint64_t sum) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i)
-          sum += layout.range_of(boxes[i]).cell_count();
-        return sum;
-      },
-      std::plus<>());
+double half_area(const Vec3d& e) {
+  return e.x * e.y + e.y * e.z + e.z * e.x;
+}
+
+struct Estimate {
+  double cost;   ///< of a random ray
+  double bytes;  ///< of the cells
+};
+
+/// A box is listed in its range of cells, which is on average one cell longer than the box on each axis. The
+/// instances are taken to lie in a share of the space (BoxSums::share), evenly there. Each box that a ray
+/// meets ends it with the same probability;
+/// and one cell more is looked at than by a random ray, since rays go where the instances are.
+Estimate estimate(const GridLayout& layout, const BoxSums& sums) {
+  const Vec3d& c = layout.cell;
+  const Vec3d in_cells = sums.extent / c;
+  const double references = sums.count + in_cells.x + in_cells.y + in_cells.z + sums.faces.x / (c.y * c.z) +
+                            sums.faces.y / (c.z * c.x) + sums.faces.z / (c.x * c.y) +
+                            sums.volume / (c.x * c.y * c.z);
+  const auto cells = double(layout.cell_count());
+  const double in_use = std::max(cells * sums.share, 1.0), mean = references / in_use;
+  const double occupied = in_use * (1.0 - std::exp(-mean));
+  const double grid_area = half_area(layout.bounds.extent());
+  const double met = kStopsRay * (sums.faces.x + sums.faces.y + sums.faces.z) / grid_area;
+  const double gone = met > 1e-3 ? (1.0 - std::exp(-met)) / met : 1.0;
+  const double steps = std::max(1.0, gone * cells * half_area(c) / grid_area);
+  const double cell = cell_cost(mean);
+  return {kWalkCost + cell + steps * (kStepCost + in_use / cells * cell),
+          std::max(128.0 * occupied, 64.0 * occupied + 33.0 * references)};
 }
 
 /// Bounds and reach of the grid over all boxes; one cell.
-GridLayout frame(std::span<const InstanceBox> boxes) {
+GridLayout frame(const Bounds3d& bounds) {
   GridLayout layout;
-  for (const InstanceBox& box : boxes) layout.bounds.extend(box.bounds);
+  layout.bounds = bounds;
   const double extent = max_abs(layout.bounds.extent());
   const double magnitude = layout.bounds.magnitude();
   // At least the distance to the world's origin, where cameras of far-off scenes often are.
@@ -110,6 +100,29 @@ GridLayout frame(std::span<const InstanceBox> boxes) {
   return layout;
 }
 
+/// See BoxSums::share: the occupied cells of a coarse grid over some of the boxes, as a part of those that as
+/// many boxes spread at random would occupy.
+double occupied_share(const BoxSums& sums, const BoxTable& boxes) {
+  if (sums.count < 2.0) return 1.0;
+  GridLayout coarse = frame(sums.bounds);
+  set_cells(coarse, kSampleCells);
+  const std::size_t stride = (boxes.size() + kSamples - 1) / kSamples;
+  std::vector<std::uint8_t> occupied(coarse.cell_count(), 0);
+  double samples = 0.0, found = 0.0;
+  for (std::size_t i = 0; i < boxes.size(); i += stride) {
+    const Bounds3d& box = boxes[i].bounds;
+    if (box.empty()) continue;
+    const Vec3d at = box.center();
+    const std::size_t x = coarse.cell_of(0, at.x), y = coarse.cell_of(1, at.y), z = coarse.cell_of(2, at.z);
+    std::uint8_t& cell = occupied[(z * coarse.cells[1] + y) * coarse.cells[0] + x];
+    found += cell == 0 ? 1.0 : 0.0;
+    cell = 1;
+    samples += 1.0;
+  }
+  const auto cells = double(coarse.cell_count());
+  return samples == 0.0 ? 1.0 : std::min(1.0, found / (cells * (1.0 - std::exp(-samples / cells))));
+}
+
 std::string describe(const char* format, double a, double b) {
   char text[160];
   std::snprintf(text, sizeof text, format, a, b);
@@ -118,32 +131,67 @@ std::string describe(const char* format, double a, double b) {
 
 }  // namespace
 
-GridChoice choose_grid(std::span<const InstanceBox> boxes) {
-  GridLayout layout = frame(boxes);
-  if (layout.bounds.empty()) return {std::nullopt, "There is nothing to hit."};
-  const BoxSums sums = sum_boxes(boxes, layout.bounds.extent());
-  if (sums.count == 1.0) return {std::nullopt, "One instance needs no grid."};
+void BoxSums::add(const InstanceBox& box) {
+  if (box.bounds.empty()) return;
+  const Vec3d e = box.bounds.extent();
+  bounds.extend(box.bounds);
+  count += 1.0;
+  extent += e;
+  faces += Vec3d(e.y * e.z, e.z * e.x, e.x * e.y);
+  volume += e.x * e.y * e.z;
+}
 
+void BoxSums::add(const BoxSums& other) {
+  bounds.extend(other.bounds);
+  count += other.count;
+  extent += other.extent;
+  faces += other.faces;
+  volume += other.volume;
+}
+
+BoxSums sum_boxes(const BoxTable& boxes) {
+  using Range = tbb::blocked_range<std::size_t>;
+  BoxSums all = tbb::parallel_deterministic_reduce(
+      Range(0, boxes.size(), 8192), BoxSums(),
+      [&](const Range& range, BoxSums sums) {
+        for (std::size_t i = range.begin(); i < range.end(); ++i) sums.add(boxes[i]);
+        return sums;
+      },
+      [](BoxSums a, const BoxSums& b) {
+        a.add(b);
+        return a;
+      });
+  all.share = occupied_share(all, boxes);
+  return all;
+}
+
+GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells) {
+  if (sums.count == 0.0) return {std::nullopt, "There is nothing to hit."};
+  if (sums.count == 1.0) return {std::nullopt, "One instance needs no grid."};
+  GridLayout layout = frame(sums.bounds);
   const auto instances = std::uint64_t(sums.count);
-  const double none_cost = kBoxTestCost * sums.count;
-  double best_cost = none_cost;
-  std::optional<GridLayout> best;
-  double cells = double(max_cells(instances));
-  for (; cells >= 2.0; cells *= 0.5) {
+  most_cells = std::min(most_cells, max_cells(instances));
+  set_cells(layout, 1.0);
+  GridLayout best = layout;
+  const double one_cost = estimate(layout, sums).cost;
+  double best_cost = one_cost;
+  for (double cells = double(most_cells); cells >= 2.0; cells *= 0.75) {
     set_cells(layout, cells);
-    if (layout.cell_count() > max_cells(instances) || layout.cell_count() < 2) continue;
-    const double cost = grid_cost(layout, sums);
-    if (cost >= best_cost || count_references(layout, boxes) > max_references(instances)) continue;
-    best_cost = cost;
+    if (layout.cell_count() > most_cells || layout.cell_count() < 2) continue;
+    const Estimate expected = estimate(layout, sums);
+    if (expected.cost >= best_cost || expected.bytes > double(max_bytes(instances))) continue;
+    best_cost = expected.cost;
     best = layout;
   }
-  if (!best) {
-    return {std::nullopt, describe("Testing all %.0f boxes (cost %.1f a ray) is not dearer than any grid.",
-                                   sums.count, none_cost)};
+  if (best.cell_count() == 1) {
+    return {best,
+            describe("No grid is expected to be faster than the boxes of all %.0f instances side by side "
+                     "(cost %.0f a ray).",
+                     sums.count, one_cost)};
   }
   return {best,
-          describe("Cheapest of the resolutions tried: cost %.1f a ray, against %.1f for testing every box.",
-                   best_cost, none_cost)};
+          describe("The cheapest of the resolutions tried: cost %.0f a ray, against %.0f without cells.",
+                   best_cost, one_cost)};
 }
 
 }  // namespace gridcast::tlas

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
 #include "core/math/bounds.h"
+#include "core/math/chunked_vector.h"
 
 namespace gridcast::tlas {
 
@@ -50,17 +52,19 @@ struct CellRange {
     for (std::size_t axis = 0; axis < 3; ++axis) count *= std::uint64_t(upper[axis] - lower[axis]) + 1;
     return count;
   }
+  /// The part that is also in `clip`; both are not empty and overlap.
+  [[nodiscard]] CellRange intersection(const CellRange& clip) const {
+    CellRange both;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      both.lower[axis] = std::max(lower[axis], clip.lower[axis]);
+      both.upper[axis] = std::min(upper[axis], clip.upper[axis]);
+    }
+    return both;
+  }
   friend bool operator==(const CellRange&, const CellRange&) = default;
 };
 
-/// A slot of the top level in 64 bytes: an InstanceBox and the cells that list it (none when empty).
-struct Entry {
-  Bounds3d bounds;
-  float drift = 0.F;
-  CellRange range;
-
-  [[nodiscard]] InstanceBox box() const { return {bounds, drift}; }
-};
-static_assert(sizeof(Entry) == 64);
+/// The boxes of all instances, by id.
+using BoxTable = ChunkedVector<InstanceBox>;
 
 }  // namespace gridcast::tlas

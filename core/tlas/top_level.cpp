@@ -10,69 +10,114 @@
 namespace gridcast::tlas {
 namespace {
 
-/// Boxes that may leave the grid between builds: this many, and this share of all.
+/// Boxes that may leave the grid between builds, each tested for every ray: this many, and this share of all.
 constexpr std::size_t kFreeOutside = 16;
-constexpr std::size_t kOutsideShare = 512;
+constexpr std::size_t kOutsideShare = 16384;
 
 }  // namespace
 
 std::string_view to_string(TopLevelKind kind) {
-  return kind == TopLevelKind::kNone ? "none" : "uniform_grid";
+  switch (kind) {
+    case TopLevelKind::kNone:
+      return "none";
+    case TopLevelKind::kOneLevel:
+      return "one_level";
+    case TopLevelKind::kUniformGrid:
+      return "uniform_grid";
+    case TopLevelKind::kNestedGrid:
+      return "nested_grid";
+  }
+  return "";
+}
+
+TopLevelKind TopLevel::kind() const {
+  if (!grid_) return TopLevelKind::kNone;
+  if (grid_->layout().cell_count() == 1) return TopLevelKind::kOneLevel;
+  return grid_->tree_count() > 0 ? TopLevelKind::kNestedGrid : TopLevelKind::kUniformGrid;
 }
 
 TopLevel TopLevel::build(std::span<const InstanceBox> boxes, TopLevelChoice choice) {
+  BoxTable table;
+  table.grow(boxes.size());
+  // Whole chunks a task.
+  constexpr std::size_t kPerTask = 16 * BoxTable::kChunkSize;
+  tbb::parallel_for(std::size_t(0), (boxes.size() + kPerTask - 1) / kPerTask, [&](std::size_t task) {
+    for (std::size_t i = task * kPerTask; i < std::min(boxes.size(), (task + 1) * kPerTask); ++i)
+      table.write(i) = boxes[i];
+  });
+  return build(std::move(table), choice);
+}
+
+TopLevel TopLevel::build(BoxTable boxes, TopLevelChoice choice) {
   const auto start = std::chrono::steady_clock::now();
   TopLevel level;
   level.choice_ = choice;
-  level.reason_ = "No grid was asked for.";
-  std::optional<GridLayout> layout;
-  if (choice == TopLevelChoice::kAuto) {
-    GridChoice chosen = choose_grid(boxes);
-    layout = chosen.layout;
-    level.reason_ = std::move(chosen.reason);
-  }
-
-  std::vector<CellRange> ranges(boxes.size());
-  level.entries_.grow(boxes.size());
-  // Whole chunks of entries a task.
-  constexpr std::size_t kPerTask = 16 * decltype(entries_)::kChunkSize;
-  tbb::parallel_for(std::size_t(0), (boxes.size() + kPerTask - 1) / kPerTask, [&](std::size_t task) {
-    for (std::size_t i = task * kPerTask; i < std::min(boxes.size(), (task + 1) * kPerTask); ++i) {
-      if (layout) ranges[i] = layout->range_of(boxes[i]);
-      level.entries_.write(i) = {boxes[i].bounds, boxes[i].drift, ranges[i]};
-    }
-  });
-  for (std::uint32_t id = 0; id < boxes.size(); ++id) {
-    if (boxes[id].bounds.empty()) continue;
-    level.bounds_.extend(boxes[id].bounds);
-    ++level.reachable_;
-    if (ranges[id].empty()) level.always_.push_back(id);
-  }
-  level.outside_at_build_ = level.always_.size();
-  if (layout) level.grid_.emplace(*layout, ranges);
+  level.boxes_ = std::move(boxes);
+  level.build_grid();
   level.build_ms_ =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return level;
+}
+
+void TopLevel::build_grid() {
+  const BoxSums sums = sum_boxes(boxes_);
+  bounds_ = sums.bounds;
+  reachable_ = std::size_t(sums.count);
+  GridChoice chosen{std::nullopt, "No grid was asked for."};
+  // The estimate of the memory is for boxes spread evenly; where it was too low, again with fewer cells.
+  for (std::uint64_t most_cells = max_cells(reachable_); choice_ == TopLevelChoice::kAuto; most_cells /= 2) {
+    chosen = choose_grid(sums, most_cells);
+    if (!chosen.layout) break;
+    most_cells = chosen.layout->cell_count();
+    grid_.emplace(*chosen.layout, boxes_);
+    if (grid_->memory_bytes() <= max_bytes(reachable_) || most_cells == 1) break;
+  }
+  reason_ = std::move(chosen.reason);
+  if (grid_ && grid_->tree_count() > 0) {
+    reason_ += " Crowded cells with a tree: ";
+    reason_ += std::to_string(grid_->tree_count());
+    reason_ += ".";
+  }
+  for (std::uint32_t id = 0; id < boxes_.size(); ++id) {
+    if (grid_ && grid_->filed_at_build() == reachable_) break;
+    if (boxes_[id].bounds.empty()) continue;
+    if (!grid_ || grid_->layout().range_of(boxes_[id]).empty()) always_.push_back(id);
+  }
+  outside_at_build_ = always_.size();
+}
+
+void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const {
+  const WorldRay world(ray);
+  for (const std::uint32_t id : always_)
+    if (!intersect_alone(world, boxes_[id], far).empty()) far = visitor.visit(visitor.object, id);
+  if (!grid_) return;
+  if (world.distance_to(grid_->layout().bounds) <= grid_->layout().reach) {
+    grid_->walk(world, far, visitor);
+  } else {
+    grid_->search(world, far, boxes_, visitor);
+  }
 }
 
 bool TopLevel::worth_rebuilding(std::size_t changes) const {
   if (2 * (changes_since_build_ + changes) >= reachable_ + changes) return true;
   if (!grid_) return false;
   return always_.size() > outside_at_build_ + kFreeOutside + reachable_ / kOutsideShare ||
-         grid_->reference_count() > max_references(reachable_);
+         grid_->memory_bytes() > 2 * max_bytes(reachable_);
 }
 
 void TopLevel::replace(const BoxChange& change, std::vector<RangeChange>& range_changes) {
   const std::uint32_t id = change.instance_id;
-  Entry& entry = entries_.write(id);
-  const bool was_reachable = !entry.bounds.empty(), reachable = !change.box.bounds.empty();
-  const bool was_alone = was_reachable && entry.range.empty();
-  const CellRange before = entry.range;
-  const CellRange after = grid_ ? grid_->layout().range_of(change.box) : CellRange{};
-  entry = {change.box.bounds, change.box.drift, after};
-  if (!(before == after)) range_changes.push_back({id, before, after});
+  const InstanceBox old = boxes_[id];
+  if (old == change.box) return;
+  const auto range_of = [&](const InstanceBox& box) {
+    return grid_ ? grid_->layout().range_of(box) : CellRange{};
+  };
+  const CellRange before = range_of(old), after = range_of(change.box);
+  boxes_.write(id) = change.box;
+  if (!before.empty() || !after.empty()) range_changes.push_back({id, before, after});
 
-  const bool alone = reachable && after.empty();
+  const bool was_reachable = !old.bounds.empty(), reachable = !change.box.bounds.empty();
+  const bool was_alone = was_reachable && before.empty(), alone = reachable && after.empty();
   const auto place = std::lower_bound(always_.begin(), always_.end(), id);
   if (was_alone && !alone) always_.erase(place);
   if (alone && !was_alone) always_.insert(place, id);
@@ -81,22 +126,22 @@ void TopLevel::replace(const BoxChange& change, std::vector<RangeChange>& range_
 }
 
 TopLevel TopLevel::updated(std::span<const BoxChange> changes) const {
-  std::size_t slots = entries_.size();
+  std::size_t slots = boxes_.size();
   for (const BoxChange& change : changes) slots = std::max(slots, std::size_t(change.instance_id) + 1);
 
   if (!worth_rebuilding(changes.size())) {
     TopLevel next = *this;
-    next.entries_.grow(slots);
+    next.boxes_.grow(slots);
     std::vector<RangeChange> range_changes;
     for (const BoxChange& change : changes) next.replace(change, range_changes);
-    if (next.grid_) next.grid_->apply(range_changes);
+    if (next.grid_) next.grid_->apply(range_changes, next.boxes_);
     next.changes_since_build_ += changes.size();
     if (!next.worth_rebuilding(0)) return next;
   }
-  std::vector<InstanceBox> boxes(slots);
-  for (std::uint32_t id = 0; id < entries_.size(); ++id) boxes[id] = box(id);
-  for (const BoxChange& change : changes) boxes[change.instance_id] = change.box;
-  return build(boxes, choice_);
+  BoxTable boxes = boxes_;
+  boxes.grow(slots);
+  for (const BoxChange& change : changes) boxes.write(change.instance_id) = change.box;
+  return build(std::move(boxes), choice_);
 }
 
 }  // namespace gridcast::tlas

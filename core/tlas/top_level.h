@@ -10,18 +10,17 @@
 
 #include "core/error.h"
 #include "core/math/bounds.h"
-#include "core/math/chunked_vector.h"
 #include "core/math/ray.h"
-#include "core/tlas/grid_walk.h"
 #include "core/tlas/instance_box.h"
 #include "core/tlas/uniform_grid.h"
 #include "core/tlas/world_ray.h"
 
 namespace gridcast::tlas {
 
-/// kNone: no structure, every instance box is tested (a scene of one or a few instances needs no grid).
-enum class TopLevelKind : std::uint8_t { kNone, kUniformGrid };
-[[nodiscard]] std::string_view to_string(TopLevelKind kind);  ///< none, uniform_grid
+/// kNone: every box is tested by itself (none or one instance, or asked for). kOneLevel: all boxes side by
+/// side, in one cell. kUniformGrid, and kNestedGrid where crowded cells have trees of their own.
+enum class TopLevelKind : std::uint8_t { kNone, kOneLevel, kUniformGrid, kNestedGrid };
+[[nodiscard]] std::string_view to_string(TopLevelKind kind);  ///< none, one_level, uniform_grid, nested_grid
 
 struct TopLevelStats {
   TopLevelKind kind = TopLevelKind::kNone;
@@ -31,6 +30,7 @@ struct TopLevelStats {
   std::size_t instance_count = 0;  ///< with a box, so reachable
   std::size_t cell_count = 0;
   std::size_t occupied_cells = 0;
+  std::size_t tree_cells = 0;       ///< with so many instances that they have a tree
   std::size_t reference_count = 0;  ///< instances counted once per cell that lists them
   std::size_t max_references_in_cell = 0;
   std::size_t always_tested = 0;  ///< instances in no cell, tested for every ray
@@ -50,7 +50,8 @@ enum class TopLevelChoice : std::uint8_t { kAuto, kNone };
 class TopLevel {
  public:
   TopLevel() = default;
-  /// boxes[i] is the box of instance i.
+  /// boxes[i] is the box of instance i. Linear time, parallel.
+  [[nodiscard]] static TopLevel build(BoxTable boxes, TopLevelChoice choice = TopLevelChoice::kAuto);
   [[nodiscard]] static TopLevel build(std::span<const InstanceBox> boxes,
                                       TopLevelChoice choice = TopLevelChoice::kAuto);
   /// The same with some boxes replaced, each instance at most once; ids past the end add slots. Costs
@@ -61,20 +62,28 @@ class TopLevel {
 
   /// Calls `visit(instance_id)` once for every instance that can hold a hit in [ray.tnear, far], roughly
   /// from near to far. `visit` returns the largest t still of interest (the best t so far; -infinity ends
-  /// the walk), which narrows `far`. `ray` is valid.
+  /// the walk), which narrows `far`. `ray` is valid. Where `visit` has a member prefetch(instance_id), that
+  /// is told of instances that are visited soon.
   template <class Visit>
-  void traverse(const Ray& ray, double far, const Visit& visit) const;
+  void traverse(const Ray& ray, double far, const Visit& visit) const {
+    const auto call = [](const void* object, std::uint32_t id) -> double {
+      return (*static_cast<const Visit*>(object))(id);
+    };
+    const auto prefetch = [](const void* object, std::uint32_t id) {
+      if constexpr (requires(const Visit& v) { v.prefetch(id); })
+        static_cast<const Visit*>(object)->prefetch(id);
+    };
+    traverse_all(ray, far, {&visit, call, prefetch});
+  }
 
   [[nodiscard]] const Bounds3d& bounds() const { return bounds_; }  ///< holds every box
-  [[nodiscard]] std::size_t slots() const { return entries_.size(); }
-  [[nodiscard]] InstanceBox box(std::uint32_t instance_id) const { return entries_[instance_id].box(); }
+  [[nodiscard]] std::size_t slots() const { return boxes_.size(); }
+  [[nodiscard]] const InstanceBox& box(std::uint32_t instance_id) const { return boxes_[instance_id]; }
   /// The instance that `traverse` can visit, where there is no other.
   [[nodiscard]] std::optional<std::uint32_t> sole_instance() const {
     return !grid_ && always_.size() == 1 ? std::optional(always_.front()) : std::nullopt;
   }
-  [[nodiscard]] TopLevelKind kind() const {
-    return grid_.has_value() ? TopLevelKind::kUniformGrid : TopLevelKind::kNone;
-  }
+  [[nodiscard]] TopLevelKind kind() const;
   [[nodiscard]] std::size_t memory_bytes() const;
   [[nodiscard]] TopLevelStats stats() const;  ///< looks at every cell
   /// Every box is listed in exactly the cells of its range, in the order of ids, and nothing else is.
@@ -84,13 +93,10 @@ class TopLevel {
   [[nodiscard]] bool worth_rebuilding(std::size_t changes) const;
   void replace(const BoxChange& change, std::vector<RangeChange>& range_changes);
 
-  /// A box test that allows for the ray's distance from this very box.
-  template <class Visit>
-  void test_alone(const WorldRay& ray, std::uint32_t id, double& far, const Visit& visit) const;
-  template <class Visit>
-  void walk(const WorldRay& ray, double distance, double far, const Visit& visit) const;
+  void traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const;
+  void build_grid();
 
-  ChunkedVector<Entry> entries_;
+  BoxTable boxes_;
   std::optional<UniformGrid> grid_;
   std::vector<std::uint32_t> always_;  ///< ascending; all reachable instances when there is no grid
   Bounds3d bounds_;                    ///< union at the last build, extended since
@@ -101,59 +107,5 @@ class TopLevel {
   std::string reason_;
   double build_ms_ = 0.0;
 };
-
-template <class Visit>
-void TopLevel::test_alone(const WorldRay& ray, std::uint32_t id, double& far, const Visit& visit) const {
-  const Entry& entry = entries_[id];
-  const double distance = ray.distance_to(entry.bounds);
-  const double pad = double(entry.drift) * distance + rounding_slack(distance, entry.bounds);
-  if (!intersect_box(ray, entry.bounds, pad, far).empty()) far = visit(id);
-}
-
-// An instance listed in several cells is tested in the first one that the ray visits. No mailbox is kept: an
-// instance is listed in a box of cells, and the cells of a straight walk in such a box follow each other
-// without a break (each index of the walk is monotone, so the steps inside the box are an interval on each
-// axis). So this is not the first visit if and only if the cell before is in the box too; and as one index
-// changes per step, that index alone tells. Nothing is written, so any number of threads may walk, and no ray
-// ids can wrap.
-template <class Visit>
-void TopLevel::walk(const WorldRay& ray, double distance, double far, const Visit& visit) const {
-  const double slack = rounding_slack(distance, grid_->layout().bounds);
-  GridWalk walk(grid_->layout(), ray, far);
-  CellSegment segment;
-  while (walk.next(segment)) {
-    const UniformGrid::CellAddress at = grid_->address(segment.cell);
-    const GridBlock* block = grid_->block(at.block);
-    if (block != nullptr) {
-      for (const std::uint32_t id : block->list(at.local)) {
-        const Entry& entry = entries_[id];
-        if (segment.entered_axis >= 0) {
-          const auto axis = std::size_t(segment.entered_axis);
-          if (entry.range.lower[axis] <= segment.previous && segment.previous <= entry.range.upper[axis])
-            continue;
-        }
-        if (!intersect_box(ray, entry.bounds, double(entry.drift) * distance + slack, far).empty())
-          far = visit(id);
-      }
-    }
-    // Whatever is still to come is hit at t_exit or later.
-    if (far < segment.t_exit) return;
-  }
-}
-
-template <class Visit>
-void TopLevel::traverse(const Ray& ray, double far, const Visit& visit) const {
-  const WorldRay world(ray);
-  for (const std::uint32_t id : always_) test_alone(world, id, far, visit);
-  if (!grid_) return;
-  const double distance = world.distance_to(grid_->layout().bounds);
-  if (distance <= grid_->layout().reach) {
-    walk(world, distance, far, visit);
-    return;
-  }
-  // From so far away rounding may carry a ray out of the cells of a box it hits: test every box.
-  for (std::uint32_t id = 0; id < entries_.size(); ++id)
-    if (!entries_[id].range.empty()) test_alone(world, id, far, visit);
-}
 
 }  // namespace gridcast::tlas

@@ -1,6 +1,9 @@
 // What a top level is made of, and whether it is sound.
 
 #include <algorithm>
+#include <functional>
+#include <limits>
+#include <vector>
 
 #include "core/tlas/top_level.h"
 
@@ -15,11 +18,84 @@ std::string name_of(const Cell& cell) {
   return "/cells/" + std::to_string(cell[0]) + "," + std::to_string(cell[1]) + "," + std::to_string(cell[2]);
 }
 
+/// A cell's groups as a flat list or a tree, looked at slot by slot.
+class CellReader {
+ public:
+  using Visit = std::function<void(std::uint32_t id, const Bounds3f& box, std::uint32_t seen)>;
+  explicit CellReader(const Visit& visit) : visit_(visit) {}
+
+  /// False when the groups are not a sound cell.
+  bool read(const GridBlock::CellStart& cell) const {
+    if (cell.kind == CellKind::kTree) return read_tree(cell.groups, 0, {Vec3f(-kAll), Vec3f(kAll)}, 0, 0);
+    const std::byte* at = cell.groups;
+    NextGroup next = cell.kind == CellKind::kFour ? NextGroup::kFour : NextGroup::kEight;
+    while (next != NextGroup::kNone) next = next == NextGroup::kFour ? read_group<4>(at) : read_group<8>(at);
+    return true;
+  }
+
+ private:
+  static constexpr float kAll = std::numeric_limits<float>::infinity();
+
+  template <std::size_t kSlots>
+  static const BoxGroup<kSlots>& group_at(const std::byte* bytes) {
+    const void* at = bytes;
+    return *static_cast<const BoxGroup<kSlots>*>(at);
+  }
+  template <std::size_t kSlots>
+  static std::uint32_t seen_of(const BoxGroup<kSlots>& group, std::size_t slot) {
+    std::uint32_t bits = 0;
+    for (std::uint32_t side = 0; side < 7; ++side) bits |= ((group.seen[side] >> slot) & 1U) << side;
+    return bits;
+  }
+  template <std::size_t kSlots>
+  NextGroup read_group(const std::byte*& at) const {
+    const auto& group = group_at<kSlots>(at);
+    for (std::size_t slot = 0; slot < kSlots; ++slot)
+      if (!group.box(slot).empty()) visit_(group.links[slot], group.box(slot), seen_of(group, slot));
+    at += sizeof(BoxGroup<kSlots>);
+    return group.next;
+  }
+  bool read_tree(const std::byte* groups, std::uint32_t link, const Bounds3f& outer, std::uint32_t seen,
+                 std::size_t depth) const {
+    const auto& group = group_at<8>(groups + std::size_t(tree_link::index(link)) * sizeof(BoxGroup<8>));
+    for (std::size_t slot = 0; slot < 8; ++slot) {
+      const Bounds3f box = group.box(slot);
+      if (box.empty()) continue;
+      const std::uint32_t bits = seen_of(group, slot);
+      if (!outer.contains(box) || (seen & ~bits) != 0 || depth >= kMaxTreeDepth) return false;
+      if (tree_link::is_leaf(link)) {
+        visit_(group.links[slot], box, bits);
+      } else if (!read_tree(groups, group.links[slot], box, bits, depth + 1)) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+  const Visit& visit_;
+};
+
 }  // namespace
 
 std::size_t TopLevel::memory_bytes() const {
-  return entries_.memory_bytes() + always_.capacity() * sizeof(always_[0]) +
+  return boxes_.memory_bytes() + always_.capacity() * sizeof(always_[0]) +
          (grid_ ? grid_->memory_bytes() : 0);
+}
+
+UniformGrid::Stats UniformGrid::stats() const {
+  Stats stats;
+  for (std::uint32_t b = 0; b < layout_.block_count(); ++b) {
+    const GridBlock* held = block(b);
+    if (held == nullptr) continue;
+    for (std::uint32_t local = 0; local < 64; ++local) {
+      if (!held->occupied(local)) continue;
+      std::size_t count = 0;
+      CellReader([&](auto&&...) { ++count; }).read(held->cell(local));
+      ++stats.occupied_cells;
+      stats.max_references_in_cell = std::max(stats.max_references_in_cell, count);
+    }
+  }
+  return stats;
 }
 
 TopLevelStats TopLevel::stats() const {
@@ -34,69 +110,89 @@ TopLevelStats TopLevel::stats() const {
   if (!grid_) return stats;
 
   const GridLayout& layout = grid_->layout();
+  const UniformGrid::Stats cells = grid_->stats();
   std::copy(std::begin(layout.cells), std::end(layout.cells), std::begin(stats.cells));
   stats.bounds = layout.bounds;
   stats.cell_count = layout.cell_count();
+  stats.occupied_cells = cells.occupied_cells;
+  stats.tree_cells = grid_->tree_count();
   stats.reference_count = grid_->reference_count();
-  for (std::uint32_t b = 0; b < grid_->block_count(); ++b) {
-    const GridBlock* block = grid_->block(b);
-    if (block == nullptr) continue;
-    for (std::uint32_t local = 0; local < grid_->cells_per_block(); ++local) {
-      const std::size_t count = block->list(local).size();
-      stats.occupied_cells += std::size_t(count > 0);
-      stats.max_references_in_cell = std::max(stats.max_references_in_cell, count);
-    }
-  }
+  stats.max_references_in_cell = cells.max_references_in_cell;
   return stats;
 }
 
 Status TopLevel::validate() const {
-  std::uint64_t references = 0;
   std::size_t reachable = 0;
   std::vector<std::uint32_t> alone;
-  for (std::uint32_t id = 0; id < entries_.size(); ++id) {
-    const Entry& entry = entries_[id];
-    const std::string where = "/instances/" + std::to_string(id);
-    const CellRange range = grid_ ? grid_->layout().range_of(entry.box()) : CellRange{};
-    if (!(range == entry.range)) return broken("the cell range is not that of the box", where);
-    references += range.cell_count();
-    if (entry.bounds.empty()) continue;
+  for (std::uint32_t id = 0; id < boxes_.size(); ++id) {
+    if (boxes_[id].bounds.empty()) continue;
     ++reachable;
-    if (!bounds_.contains(entry.bounds)) return broken("the box is outside the bounds", where);
-    if (range.empty()) alone.push_back(id);
+    if (!bounds_.contains(boxes_[id].bounds))
+      return broken("the box is outside the bounds", "/instances/" + std::to_string(id));
+    if (!grid_ || grid_->layout().range_of(boxes_[id]).empty()) alone.push_back(id);
   }
   if (reachable != reachable_) return broken("the number of reachable instances is wrong", "");
   if (alone != always_) return broken("the list of always tested instances is wrong", "");
-  return grid_ ? grid_->validate(entries_, references) : ok_status();
+  return grid_ ? grid_->validate(boxes_) : ok_status();
 }
 
-// Ascending lists of instances whose range holds the cell, as many references as all ranges have cells:
-// together they say that every instance is in exactly the cells of its range.
-Status UniformGrid::validate(const ChunkedVector<Entry>& entries, std::uint64_t references) const {
-  std::uint64_t found = 0;
-  for (std::uint32_t b = 0; b < block_count(); ++b) {
+// Every cell lists, once each, instances whose range holds it, and there are as many references as all ranges
+// have cells: together they say that every instance is in exactly the cells of its range.
+Status UniformGrid::validate(const BoxTable& boxes) const {
+  std::uint64_t expected = 0, found = 0;
+  for (std::uint32_t id = 0; id < boxes.size(); ++id) {
+    expected += layout_.range_of(boxes[id]).cell_count();
+    if (!layout_.range_of(boxes[id]).empty() && boxes[id].drift > max_drift_)
+      return broken("the largest drift is not the largest", "/instances/" + std::to_string(id));
+  }
+  for (std::uint32_t b = 0; b < layout_.block_count(); ++b) {
     const GridBlock* held = block(b);
     if (held == nullptr) continue;
-    found += held->ids.size();
-    if (held->first.size() != cells_per_block() + 1 || held->first.back() != held->ids.size())
-      return broken("the rows of a block do not fit its references", "/blocks/" + std::to_string(b));
-    Status status = ok_status();
-    std::uint64_t inside = 0;
-    cells_of_block(b).for_each([&](const Cell& cell) {
-      const auto list = held->list(address(cell).local);
-      inside += list.size();
-      for (std::size_t k = 0; k < list.size(); ++k) {
-        const bool known = list[k] < entries.size() && entries[list[k]].range.contains(cell);
-        if (!known || (k > 0 && list[k - 1] >= list[k]))
-          status = broken("a cell lists an instance that is not in it, or twice", name_of(cell));
-      }
-    });
-    if (!status) return status;
-    if (inside != held->ids.size())
-      return broken("a block lists instances outside the grid", "/blocks/" + std::to_string(b));
+    if (Status status = validate_block(b, boxes, found); !status) return status;
   }
-  if (found != references || found != reference_count_)
+  if (found != expected || found != reference_count_)
     return broken("the number of references is not that of the ranges", "/cells");
+  return ok_status();
+}
+
+Status UniformGrid::validate_block(std::uint32_t index, const BoxTable& boxes, std::uint64_t& found) const {
+  const GridBlock& held = *block(index);
+  std::vector<std::uint32_t> in_block;
+  std::uint64_t occupied = 0;
+  Status status = ok_status();
+  layout_.cells_of_block(index).for_each([&](const Cell& cell) {
+    const std::uint32_t local = layout_.local_of(cell);
+    if (!held.occupied(local)) return;
+    occupied |= std::uint64_t(1) << local;
+    std::vector<std::uint32_t> ids;
+    const bool sound =
+        CellReader([&](std::uint32_t id, const Bounds3f& box, std::uint32_t seen) {
+          ids.push_back(id);
+          const CellRange range = id < boxes.size() ? layout_.range_of(boxes[id]) : CellRange{};
+          if (!range.contains(cell)) {
+            status = broken("a cell lists an instance that is not in it", name_of(cell));
+            return;
+          }
+          if (BoxRecord{{}, id, range}.seen_from(cell) != seen)
+            status = broken("a neighbour is wrongly taken to list an instance", name_of(cell));
+          const Bounds3d placed{Vec3d(box.lower) + layout_.center, Vec3d(box.upper) + layout_.center};
+          if (!placed.contains(boxes[id].bounds))
+            status = broken("a packed box does not hold its instance", name_of(cell));
+        }).read(held.cell(local));
+    std::sort(ids.begin(), ids.end());
+    if (!sound || ids.empty() || std::adjacent_find(ids.begin(), ids.end()) != ids.end())
+      status = broken("the groups of a cell are not sound", name_of(cell));
+    found += ids.size();
+    in_block.insert(in_block.end(), ids.begin(), ids.end());
+  });
+  if (!status) return status;
+  const std::string where = "/blocks/" + std::to_string(index);
+  if (occupied != held.occupancy()) return broken("a block has cells outside the grid", where);
+  if (in_block.size() != held.reference_count()) return broken("a block miscounts its references", where);
+  std::sort(in_block.begin(), in_block.end());
+  in_block.erase(std::unique(in_block.begin(), in_block.end()), in_block.end());
+  if (!std::equal(in_block.begin(), in_block.end(), held.listed().begin(), held.listed().end()))
+    return broken("the list of a block is not what its cells list", where);
   return ok_status();
 }
 

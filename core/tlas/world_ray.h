@@ -5,6 +5,7 @@
 
 #include "core/math/bounds.h"
 #include "core/math/ray.h"
+#include "core/tlas/instance_box.h"
 
 namespace gridcast::tlas {
 
@@ -34,12 +35,13 @@ struct WorldRay {
   }
 };
 
-/// Covers the rounding of slab tests and of the walk for a ray that starts at most `distance` from everything
-/// in `bounds`. With u = 2^-53, m the largest coordinate of the bounds and |o| <= m + D: a plane of the grid
-/// is off by at most 3u m, its difference from the origin by u D, the product with the inverse by 3u D; the
-/// point where a ray enters by 4u (m + D); a cell index by 3u of the extent. 32u is more than twice the sum.
+/// Covers the rounding of slab tests and of the walk for a ray that starts at most D = `distance` from
+/// everything in `bounds`. With u = 2^-53, m the largest coordinate of the bounds and |o| <= m + D, in units
+/// of length: the t of a plane is off by at most 10u D (base: a difference, an inverse and a product, 3u D; k
+/// cells, whose extent is at most 2 D: 6u D; their sum: u D), the point where a ray enters by 4u (m + D), a
+/// cell index by 3u of the extent, 6u D. 64u is three times the sum.
 inline double rounding_slack(double distance, const Bounds3d& bounds) {
-  return 0x1p-48 * (bounds.magnitude() + distance) + 0x1p-300;
+  return 0x1p-47 * (bounds.magnitude() + distance) + 0x1p-300;
 }
 
 /// Where the ray is in a box, as an interval of t clipped to [tnear, far]; empty when enter > exit.
@@ -59,6 +61,13 @@ inline Span intersect_box(const WorldRay& ray, const Bounds3d& bounds, double pa
     span.exit = std::min(span.exit, std::max(low, high));
   }
   return span;
+}
+
+/// Slab test that allows for the ray's distance from this very box: loses no hit of the instance.
+inline Span intersect_alone(const WorldRay& ray, const InstanceBox& box, double far) {
+  const double distance = ray.distance_to(box.bounds);
+  const double pad = double(box.drift) * distance + rounding_slack(distance, box.bounds);
+  return intersect_box(ray, box.bounds, pad, far);
 }
 
 }  // namespace gridcast::tlas

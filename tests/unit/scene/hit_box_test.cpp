@@ -30,7 +30,10 @@ TEST(MeshHull, nothing_of_the_mesh_lies_beyond_its_reach) {
       const Vec3d n = awkward_direction(random);
       const double length = std::abs(n.x) + std::abs(n.y) + std::abs(n.z);
       const double rounding = 0x1p-50 * length * double(hull.magnitude());
-      for (const Vec3f& p : mesh.positions) ASSERT_GE(hull.reach(n) + rounding, glm::dot(n, Vec3d(p)));
+      for (const Vec3f& p : mesh.positions) {
+        ASSERT_GE(hull.reach(n).forward + rounding, glm::dot(n, Vec3d(p)));
+        ASSERT_GE(hull.reach(n).backward + rounding, -glm::dot(n, Vec3d(p)));
+      }
     }
   }
 }
@@ -39,7 +42,7 @@ TEST(MeshHull, is_within_an_eighth_of_a_sphere_where_its_box_is_up_to_three_quar
   test::Random random(test::seed_or(62));
   const MeshHull hull = hull_of(test::icosphere(4));
   double largest = 0.0;
-  for (int i = 0; i < 2000; ++i) largest = std::max(largest, hull.reach(random.direction()));
+  for (int i = 0; i < 2000; ++i) largest = std::max(largest, hull.reach(random.direction()).forward);
   EXPECT_LT(largest, 1.13);
 }
 
@@ -52,7 +55,7 @@ TEST(MeshHull, positions_that_no_triangle_uses_never_make_it_larger_than_the_box
   for (int i = 0; i < 200; ++i) {
     const Vec3d n = random.direction();
     const double of_box = glm::dot(glm::max(n * Vec3d(box.lower), n * Vec3d(box.upper)), Vec3d(1.0));
-    EXPECT_LE(hull.reach(n), of_box * (1.0 + 0x1p-18));
+    EXPECT_LE(hull.reach(n).forward, of_box * (1.0 + 0x1p-18));
   }
 }
 

@@ -19,6 +19,7 @@ GridLayout cube_grid(std::uint32_t n, const Vec3d& lower, double size) {
     layout.inverse_cell[axis] = n / size;
   }
   layout.reach = 1e6 * size;
+  layout.prepare();
   return layout;
 }
 
@@ -45,25 +46,28 @@ std::set<Cell> walk_checked(const GridLayout& layout, const Ray& ray) {
   const WorldRay world(ray);
   GridWalk walk(layout, world, ray.tfar);
   std::set<Cell> visited;
-  CellSegment segment, before{};
+  Cell before{};
+  double before_exit = 0.0;
   std::size_t steps = 0;
-  while (walk.next(segment)) {
+  for (; !walk.done(); walk.step()) {
+    const Cell cell = walk.cell();
     const std::size_t most = layout.cells[0] + layout.cells[1] + layout.cells[2] - 2;
     if (++steps > most) {
       ADD_FAILURE() << "the walk does not end";
       break;
     }
-    for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_LT(segment.cell[axis], layout.cells[axis]);
-    EXPECT_LE(segment.t_enter, segment.t_exit);
-    EXPECT_EQ(segment.entered_axis < 0, steps == 1);
+    for (std::size_t axis = 0; axis < 3; ++axis) EXPECT_LT(cell[axis], layout.cells[axis]);
+    EXPECT_LE(walk.t_enter(), walk.t_exit());
+    EXPECT_EQ(walk.from() == 6, steps == 1);
     if (steps > 1) {
-      EXPECT_EQ(segment.t_enter, before.t_exit);
-      Cell expected = segment.cell;
-      expected[std::size_t(segment.entered_axis)] = segment.previous;
-      EXPECT_EQ(expected, before.cell);
+      EXPECT_EQ(walk.t_enter(), before_exit);
+      Cell expected = cell;
+      expected[std::size_t(walk.from() / 2)] += std::uint16_t(walk.from() % 2 == 0 ? -1 : 1);
+      EXPECT_EQ(expected, before);
     }
-    EXPECT_TRUE(visited.insert(segment.cell).second) << "a cell is visited twice";
-    before = segment;
+    EXPECT_TRUE(visited.insert(cell).second) << "a cell is visited twice";
+    before = cell;
+    before_exit = walk.t_exit();
   }
   return visited;
 }

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <bit>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "core/tlas/box_group.h"
+#include "core/tlas/cell_tree.h"
+
+namespace gridcast::tlas {
+
+/// How the boxes of a cell are kept.
+enum class CellKind : std::uint8_t { kFour, kEight, kTree };
+
+/// Up to 64 cells with what they list, in one piece of memory of whole cache lines: a word of occupancy,
+/// where each occupied cell starts, the groups of boxes, and the ids of all instances that reach into the
+/// block, ascending. Immutable; grids share it.
+class alignas(64) GridBlock {
+ public:
+  struct CellStart {
+    const std::byte* groups;
+    CellKind kind;
+  };
+
+  [[nodiscard]] bool occupied(std::uint32_t local) const { return ((occupied_ >> local) & 1U) != 0; }
+  [[nodiscard]] std::uint64_t occupancy() const { return occupied_; }
+  [[nodiscard]] CellStart cell(std::uint32_t local) const {
+    const int rank = std::popcount(occupied_ & ((std::uint64_t(1) << local) - 1));
+    std::uint32_t start = 0;
+    __builtin_memcpy(&start, bytes() + kStartsOffset + std::size_t(rank) * sizeof start, sizeof start);
+    return {bytes() + std::size_t(start >> 2) * kLineBytes, CellKind(start & 3U)};
+  }
+  [[nodiscard]] std::span<const std::uint32_t> listed() const {
+    const void* ids = bytes() + std::size_t(listed_line_) * kLineBytes;
+    return {static_cast<const std::uint32_t*>(ids), listed_count_};
+  }
+  [[nodiscard]] std::size_t memory_bytes() const { return std::size_t(line_count_) * kLineBytes; }
+  [[nodiscard]] std::uint32_t reference_count() const { return reference_count_; }
+  [[nodiscard]] std::uint32_t tree_count() const { return tree_count_; }  ///< cells with a tree
+
+  static constexpr std::size_t kLineBytes = 64;
+
+ private:
+  friend class BlockBuilder;
+  static constexpr std::size_t kStartsOffset = 28;
+  GridBlock() = default;
+  [[nodiscard]] const std::byte* bytes() const {
+    const void* self = this;
+    return static_cast<const std::byte*>(self);
+  }
+
+  std::uint64_t occupied_ = 0;
+  std::uint32_t listed_line_ = 0, listed_count_ = 0;
+  std::uint32_t line_count_ = 0, reference_count_ = 0;
+  std::uint32_t tree_count_ = 0;
+};
+
+/// Makes blocks; one per thread, so that its scratch memory is used again.
+class BlockBuilder {
+ public:
+  BlockBuilder(const GridLayout& layout, const BoxTable& boxes) : layout_(layout), boxes_(boxes) {}
+  /// The block in which exactly the instances `listed` (ascending) are filed; null when there are none. A
+  /// function of the layout and the boxes alone.
+  [[nodiscard]] std::shared_ptr<const GridBlock> make(std::uint32_t block,
+                                                      std::span<const std::uint32_t> listed);
+
+ private:
+  struct alignas(GridBlock::kLineBytes) Line {
+    std::byte bytes[GridBlock::kLineBytes];
+  };
+  using Lines = std::vector<Line, oneapi::tbb::cache_aligned_allocator<Line>>;
+
+  void file(const CellRange& cells, std::span<const std::uint32_t> listed);
+  void append_cell(std::span<const BoxRecord*> records, const Cell& cell);
+  template <std::size_t kSlots>
+  void append_group(std::span<const BoxRecord* const> records, const Cell& cell, NextGroup next);
+  [[nodiscard]] std::shared_ptr<const GridBlock> assemble(std::uint64_t occupied,
+                                                          std::span<const std::uint32_t> listed) const;
+
+  const GridLayout& layout_;
+  const BoxTable& boxes_;
+  std::vector<BoxRecord> records_;
+  std::vector<const BoxRecord*> references_;  ///< by cell
+  std::uint32_t first_[65] = {};              ///< of each cell in references_
+  std::vector<std::uint32_t> starts_;         ///< of each occupied cell: line << 2 | kind
+  Lines lines_;                               ///< the groups of all cells
+  TreeGroups tree_;
+};
+
+}  // namespace gridcast::tlas
