@@ -8,7 +8,8 @@ namespace gridcast::scene {
 //
 // 1. x = o' + t d', the ray in object space, is within `pad` of a point P of a triangle (containment, see
 //    ObjectRay), and pad <= 2^-17 M + 2^-41 |o'| + 2^-99: prepare() moves the origin to the box, so that the
-//    moved origin is at most M (1 + 2^-40), and the shift at most (M + |o'|)(1 + 2^-40).
+//    moved origin is at most M (1 + 2^-40), and the shift at most (M + |o'|)(1 + 2^-40), or leaves it where
+//    it is at most 3 M (then pad is 2^-19 (3 M + M), rounded, of which no hit uses up more than half).
 // 2. Row n of A gives n . x <= n . P + |n|_1 pad, and n . P <= reach(n). So A x + T is in the box below but
 //    for |A| 2^-41 |o'| <= 2^-41 |A||B| |o - T| (1 + 2^-40).
 // 3. o + t d differs from A x + T by at most e |o - T| + e |t d|, and |t d| <= (D + its own share) (1 + 2 e).
