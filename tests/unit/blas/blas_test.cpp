@@ -57,6 +57,9 @@ TEST(Blas, names_are_read_back) {
     EXPECT_EQ(parse_structure_kind(to_string(kind)).value(), kind);
   for (const BvhSplit split : {BvhSplit::kMidpoint, BvhSplit::kMedian, BvhSplit::kBinnedSah})
     EXPECT_EQ(parse_bvh_split(to_string(split)).value(), split);
+  for (const SpatialSplits spatial : {SpatialSplits::kAuto, SpatialSplits::kNever})
+    EXPECT_EQ(parse_spatial_splits(to_string(spatial)).value(), spatial);
+  EXPECT_FALSE(parse_spatial_splits("always").ok());
 }
 
 TEST(Blas, an_unknown_name_is_answered_with_the_known_ones) {
