@@ -87,6 +87,10 @@ void TopLevel::build_grid() {
 }
 
 void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const {
+  if (const std::optional<std::uint32_t> sole = sole_instance()) {
+    visitor.visit(visitor.object, *sole);  // the tree's root is box enough
+    return;
+  }
   const WorldRay world(ray);
   for (const std::uint32_t id : always_)
     if (!intersect_alone(world, boxes_[id], far).empty()) far = visitor.visit(visitor.object, id);
