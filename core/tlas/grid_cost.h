@@ -9,9 +9,10 @@
 
 namespace gridcast::tlas {
 
-// The cost model, in ns on the machine where it was measured; only ratios matter. It counts what a random
-// line that meets the grid does when nothing stops it early; a convex body of surface area S inside one of
-// area G is met with probability S / G (Cauchy, Crofton).
+// The cost model, in units of about a nanosecond; only ratios matter. The constants are estimates: adjusted
+// until the lattice, the forest and the stadium got the resolutions that a sweep found good, not measured one
+// by one. It counts what a random line that meets the grid does when nothing stops it early; a convex body of
+// surface area S inside one of area G is met with probability S / G (Cauchy, Crofton).
 inline constexpr double kWalkCost = 40.0;  ///< setting up the walk
 inline constexpr double kStepCost = 4.0;   ///< a cell
 inline constexpr double kCellCost = 5.0;   ///< reading an occupied cell
