@@ -55,18 +55,19 @@ using V8 = hn::Vec<D8>;
 
 /// The ray's culling constants, by axis.
 struct KdRay {
-  explicit HWY_INLINE KdRay(const mesh::ObjectRay& r) : block(r) {
+  explicit HWY_INLINE KdRay(const mesh::ObjectRay& r)
+      : block(r),
+        inverse(spread(r.inverse_direction)),
+        near_offset(spread(r.near_offset)),
+        far_offset(spread(r.far_offset)) {}
+
+  /// From three broadcasts: one load would wait for the stores that have just written the vector.
+  static HWY_INLINE V8 spread(const Vec3f& v) {
     const D8 d;
-    alignas(32) float buffer[3][8] = {};
-    for (int axis = 0; axis < 3; ++axis) {
-      buffer[0][axis] = r.inverse_direction[axis];
-      buffer[1][axis] = r.near_offset[axis];
-      buffer[2][axis] = r.far_offset[axis];
-    }
-    inverse = hn::Load(d, buffer[0]);
-    near_offset = hn::Load(d, buffer[1]);
-    far_offset = hn::Load(d, buffer[2]);
+    return hn::IfThenElse(hn::FirstN(d, 1), hn::Set(d, v.x),
+                          hn::IfThenElse(hn::FirstN(d, 2), hn::Set(d, v.y), hn::Set(d, v.z)));
   }
+
   BlockRay block;
   V8 inverse, near_offset, far_offset;
 };
@@ -76,11 +77,10 @@ HWY_INLINE V8 look_up(V8 below, V8 above, hn::Vec<hn::RebindToUnsigned<D8>> code
 #if HWY_TARGET <= HWY_AVX3
   return V8{_mm256_permutex2var_ps(below.raw, codes.raw, above.raw)};
 #else
-  const D8 d;
-  const hn::RebindToUnsigned<D8> du;
-  const auto lanes = hn::IndicesFromVec(d, hn::And(codes, hn::Set(du, 7U)));
-  return hn::IfNegativeThenElse(hn::BitCast(d, hn::ShiftLeft<28>(codes)), hn::TableLookupLanes(above, lanes),
-                                hn::TableLookupLanes(below, lanes));
+  // The permutation looks at three bits alone.
+  const __m256 side = _mm256_castsi256_ps(_mm256_slli_epi32(codes.raw, 28));
+  return V8{_mm256_blendv_ps(_mm256_permutevar8x32_ps(below.raw, codes.raw),
+                             _mm256_permutevar8x32_ps(above.raw, codes.raw), side)};
 #endif
 }
 
