@@ -1,6 +1,7 @@
 #include "core/blas/blas.h"
 
 #include <chrono>
+#include <cmath>
 #include <new>
 #include <utility>
 
@@ -36,6 +37,10 @@ Choice choose(StructureKind asked, std::size_t triangles) {
   }
   return {StructureKind::kWideBvh,
           std::to_string(triangles) + " triangles: more than the " + limit + " that need no tree"};
+}
+
+std::string rounded(double cost) {
+  return std::to_string(std::llround(cost));
 }
 
 /// Moves a built structure into `slot`, or passes its error on.
@@ -85,6 +90,9 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
   blas.stats_.reason = std::move(choice.reason);
   blas.stats_.triangle_count = blas.mesh_->triangle_count();
   blas.add_structure_stats();
+  if (options.kind == StructureKind::kAuto && choice.kind == StructureKind::kWideBvh)
+    status = blas.prefer_kd_tree(stop);
+  if (!status) return status.error();
   blas.stats_.cost_at_build = blas.stats_.cost;
   blas.stats_.build_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -190,6 +198,29 @@ template PacketResult Blas::occluded_packet<Precision::kRobust>(const RayPacket&
 
 Status Blas::validate() const {
   return std::visit([&](const auto& structure) { return structure->validate(*mesh_); }, structure_);
+}
+
+/// Trades the wide BVH for a kd-tree where that costs less; looks only where boxes overlap much.
+Status Blas::prefer_kd_tree(const std::stop_token& stop) {
+  const double limit = kOverlapCost * std::cbrt(double(stats_.triangle_count));
+  if (stats_.cost <= limit || stats_.triangle_count > kMaxKdTriangles) return ok_status();
+  const std::string in_bvh = rounded(stats_.cost) + " tests in a wide BVH";
+  if (options_.motion == MeshMotion::kDeforms) {
+    stats_.reason = "boxes overlap, a random ray costs " + in_bvh +
+                    ", but the mesh deforms and a kd-tree cannot be refitted";
+    return ok_status();
+  }
+  auto kd_tree = KdTree::build(*mesh_, stop);
+  if (!kd_tree) return kd_tree.error();
+  StructureStats stats;
+  (*kd_tree)->add_stats(stats);
+  stats_.reason =
+      "boxes overlap: a random ray costs " + in_bvh + ", " + rounded(stats.cost) + " in a kd-tree";
+  if (stats.cost >= stats_.cost) return ok_status();
+  structure_ = *std::move(kd_tree);
+  stats_.kind = StructureKind::kKdTree;
+  add_structure_stats();
+  return ok_status();
 }
 
 void Blas::add_structure_stats() {

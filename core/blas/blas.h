@@ -24,8 +24,9 @@ class WideBvh;
 class KdTree;
 class EmbreeTree;
 
-/// kAuto picks by a stated cost model: brute force for a handful of triangles, else the wide BVH. kBvh is the
-/// binary one: half the memory, a third of the speed, and a choice of splits.
+/// kAuto picks by a stated cost model: brute force for a handful of triangles, else the wide BVH, or a
+/// kd-tree where boxes overlap so much that it costs less. kBvh is the binary one: half the memory, a third
+/// of the speed, and a choice of splits.
 enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kWideBvh, kKdTree, kEmbree };
 enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
 /// kAuto: a triangle may sit in several leaves where boxes overlap so much that it pays. kNever: for meshes
@@ -42,10 +43,14 @@ enum class SpatialSplits : std::uint8_t { kAuto, kNever };
 [[nodiscard]] std::string_view to_string(SpatialSplits spatial);
 [[nodiscard]] Result<SpatialSplits> parse_spatial_splits(std::string_view name);
 
+/// Whether the vertices are going to move: kAuto never takes a kd-tree then, which cannot be refitted.
+enum class MeshMotion : std::uint8_t { kStatic, kDeforms };
+
 struct BuildOptions {
   StructureKind kind = StructureKind::kAuto;
   BvhSplit split = BvhSplit::kBinnedSah;         ///< used by the BVH alone
   SpatialSplits spatial = SpatialSplits::kAuto;  ///< used by the wide BVH alone
+  MeshMotion motion = MeshMotion::kStatic;
 };
 
 /// What a structure is made of, for `info` and `structure`.
@@ -111,6 +116,7 @@ class Blas {
                                  std::shared_ptr<const EmbreeTree>>;
   Blas() = default;
   void add_structure_stats();
+  Status prefer_kd_tree(const std::stop_token& stop);
 
   std::shared_ptr<const mesh::TriangleMesh> mesh_;
   Structure structure_;

@@ -37,6 +37,16 @@ Status check_instances(const SceneData& data) {
   return ok_status();
 }
 
+/// Meshes with morph targets or joints are going to be refitted: their trees share no triangle between
+/// leaves.
+blas::BuildOptions options_for(const SceneData& data, std::size_t mesh_id, blas::BuildOptions options) {
+  if (mesh_id < data.deformations.size() && !data.deformations[mesh_id].empty()) {
+    options.motion = blas::MeshMotion::kDeforms;
+    options.spatial = blas::SpatialSplits::kNever;
+  }
+  return options;
+}
+
 using BuiltMeshes = std::vector<Result<blas::Blas>>;
 
 /// Checks and builds every mesh, the largest first so that the last task is a small one.
@@ -60,11 +70,7 @@ BuiltMeshes build_meshes(const SceneData& data, const SceneBuildOptions& options
       built[id] = valid.error();
       return;
     }
-    blas::BuildOptions blas = options.blas;
-    // A tree that is going to be refitted shares no triangle between leaves.
-    if (id < data.deformations.size() && !data.deformations[id].empty())
-      blas.spatial = blas::SpatialSplits::kNever;
-    built[id] = blas::Blas::build(mesh, blas, options.stop);
+    built[id] = blas::Blas::build(mesh, options_for(data, id, options.blas), options.stop);
     const std::size_t done = done_triangles += mesh->triangle_count();
     if (options.progress) options.progress(kMeshShare * double(done) / total);
   };

@@ -67,6 +67,7 @@ Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::Triang
   // What moved once will move again: a tree without shared triangles stays good longer.
   blas::BuildOptions options = old.options();
   options.spatial = blas::SpatialSplits::kNever;
+  options.motion = blas::MeshMotion::kDeforms;
   auto built = blas::Blas::build(std::move(moved), options);
   if (!built) return built.error();
   return Action{*std::move(built), MeshAction::kRebuild, std::move(reason)};
@@ -78,7 +79,8 @@ Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mes
   const std::string kind(to_string(old.stats().kind));
   if (mode == UpdateMode::kRebuild) return rebuild(old, std::move(moved), "A rebuild was asked for.");
   if (!old.can_refit()) {
-    if (mode == UpdateMode::kRefit)
+    // Who did not ask for this structure gets one that follows the vertices from now on.
+    if (mode == UpdateMode::kRefit && old.options().kind != blas::StructureKind::kAuto)
       return Error{ErrorCode::kUnsupported, "a " + kind + " structure cannot be refitted", ""};
     return rebuild(old, std::move(moved), "A " + kind + " structure cannot be refitted.");
   }

@@ -9,7 +9,7 @@
 namespace gridcast::blas {
 namespace {
 
-TEST(Blas, auto_takes_brute_force_up_to_eight_triangles_and_says_why) {
+TEST(Blas, auto_takes_brute_force_for_a_handful_of_triangles_and_says_why) {
   const TriangleMesh triangle = test::single_triangle();
   const auto few = test::share(test::repeated(triangle, int(kBruteForceTriangles)));
   const auto more = test::share(test::repeated(triangle, int(kBruteForceTriangles) + 1));
@@ -17,8 +17,30 @@ TEST(Blas, auto_takes_brute_force_up_to_eight_triangles_and_says_why) {
   const Blas large = Blas::build(more, {}).value();
   EXPECT_EQ(small.stats().kind, StructureKind::kBruteForce);
   EXPECT_EQ(large.stats().kind, StructureKind::kWideBvh);
-  EXPECT_NE(small.stats().reason.find('8'), std::string::npos) << small.stats().reason;
-  EXPECT_NE(large.stats().reason.find('9'), std::string::npos) << large.stats().reason;
+  EXPECT_NE(small.stats().reason.find('4'), std::string::npos) << small.stats().reason;
+  EXPECT_NE(large.stats().reason.find('5'), std::string::npos) << large.stats().reason;
+}
+
+TEST(Blas, auto_takes_a_kd_tree_where_boxes_overlap_but_not_when_the_mesh_deforms) {
+  const auto slivers = test::share(test::slivers(8000, 4, 1000.F));
+  const Blas still = Blas::build(slivers, {}).value();
+  EXPECT_EQ(still.stats().kind, StructureKind::kKdTree) << still.stats().reason;
+  EXPECT_NE(still.stats().reason.find("overlap"), std::string::npos) << still.stats().reason;
+  EXPECT_LT(still.stats().cost, Blas::build(slivers, {StructureKind::kWideBvh}).value().stats().cost);
+  EXPECT_FALSE(still.can_refit());
+
+  BuildOptions moving;
+  moving.motion = MeshMotion::kDeforms;
+  const Blas deforming = Blas::build(slivers, moving).value();
+  EXPECT_EQ(deforming.stats().kind, StructureKind::kWideBvh) << deforming.stats().reason;
+  EXPECT_NE(deforming.stats().reason.find("deforms"), std::string::npos) << deforming.stats().reason;
+}
+
+TEST(Blas, auto_takes_the_wide_bvh_where_surfaces_are_connected) {
+  for (const TriangleMesh& mesh : {test::icosphere(4), test::torus(40, 30), test::quad_grid(30)}) {
+    const Blas blas = Blas::build(test::share(mesh), {}).value();
+    EXPECT_EQ(blas.stats().kind, StructureKind::kWideBvh) << blas.stats().reason;
+  }
 }
 
 TEST(Blas, a_kind_that_was_asked_for_is_built_whatever_the_size) {

@@ -175,6 +175,28 @@ TEST(SceneUpdate, a_small_move_refits_and_a_scramble_rebuilds_and_both_say_so) {
   expect_same_answers(*forced->scene, *rebuilt->scene, random, 200);
 }
 
+TEST(SceneUpdate, auto_keeps_meshes_that_deform_out_of_kd_trees) {
+  const auto slivers = test::share(test::slivers(8000, 4, 1000.F));
+  SceneData data;
+  data.meshes = {slivers, slivers};
+  data.deformations.resize(2);
+  data.deformations[1].morph_targets.resize(1);
+  place(data, 0, {});
+  const auto scene = built(std::move(data));
+  EXPECT_EQ(scene->blas(0).stats().kind, blas::StructureKind::kKdTree) << scene->blas(0).stats().reason;
+  EXPECT_EQ(scene->blas(1).stats().kind, blas::StructureKind::kWideBvh) << scene->blas(1).stats().reason;
+
+  ReplaceVertices moved{0, slivers->positions, {}};
+  moved.mode = UpdateMode::kRefit;
+  const auto first = apply_update(*scene, {moved});
+  ASSERT_TRUE(first.ok());
+  EXPECT_EQ(first->report.meshes[0].action, MeshAction::kRebuild) << "a kd-tree cannot be refitted";
+  EXPECT_EQ(first->scene->blas(0).stats().kind, blas::StructureKind::kWideBvh);
+  const auto second = apply_update(*first->scene, {moved});
+  ASSERT_TRUE(second.ok());
+  EXPECT_EQ(second->report.meshes[0].action, MeshAction::kRefit);
+}
+
 TEST(SceneUpdate, edits_of_one_mesh_compose_and_normals_follow) {
   SceneData data;
   mesh::TriangleMesh flat = test::quad_grid(2);
