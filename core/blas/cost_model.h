@@ -23,8 +23,8 @@ inline constexpr double kBlockCost = 0.8;
 
 /// kAuto takes brute force up to here. Measured on 1 to 64 triangles of a soup, a sphere and a sheet, closest
 /// hit, brute force against the wide BVH: n = 2 takes 0.5 to 0.8 of the time, 3 0.8 to 1.1, 4 1.1 to 1.5,
-/// 8 1.3 to 1.9, 64 four times; four triangles are one block, where a tree is nothing but a build and its
-/// memory.
+/// 8 1.3 to 1.9, 64 four to six times; four triangles are one block, where a tree is nothing but a build and
+/// its memory.
 inline constexpr std::size_t kBruteForceTriangles = 4;
 
 /// kAuto also tries a kd-tree when a random ray costs more than this times the cube root of n in the wide

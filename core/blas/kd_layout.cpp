@@ -44,8 +44,8 @@ struct Part {
 };
 
 /// Which planes share a treelet: the choice that makes rays meet the fewest treelets, by dynamic programming
-/// over the surface areas of cells ("Ray Specialized Contraction on Bounding Volume Hierarchies", Y. Gu,
-/// 2015, for the idea; planes are what a treelet can run out of, where a wide BVH counts children).
+/// over the surface areas of cells, as "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
+/// BVHs", H. Ylitie, 2017, does for children; here planes are what a treelet runs out of.
 class Packing {
  public:
   explicit Packing(const KdTreeData& tree) : tree_(tree), cost_(tree.nodes.size()) {

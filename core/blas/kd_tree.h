@@ -12,9 +12,10 @@ namespace gridcast::blas {
 class KdTree {
  public:
   /// Surface-area splits at the sides of triangles clipped to the cell: "On building fast kd-trees for ray
-  /// tracing, and on doing that in O(N log N)", I. Wald, 2006. Unlike the paper each cell sorts its sides
-  /// anew, O(N log^2 N), and cells above kExactSplits triangles try equally spaced planes.
-  /// kCancelled on `stop`; kLimitExceeded above kMaxKdTriangles.
+  /// tracing, and on doing that in O(N log N)", I. Wald, 2006. Unlike the paper nothing is sorted: cells
+  /// above kExactSplits triangles try equally spaced planes, smaller ones count for every side with SIMD,
+  /// which is O(N log N) as well because a cell's square is bounded. kCancelled on `stop`; kLimitExceeded
+  /// above kMaxKdTriangles.
   [[nodiscard]] static Result<std::shared_ptr<const KdTree>> build(const mesh::TriangleMesh& mesh,
                                                                    std::stop_token stop);
 
