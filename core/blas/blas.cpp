@@ -211,7 +211,7 @@ Status Blas::prefer_kd_tree(const std::stop_token& stop) {
     return ok_status();
   }
   auto kd_tree = KdTree::build(*mesh_, stop);
-  if (!kd_tree) return kd_tree.error();
+  if (!kd_tree) return stop.stop_requested() ? Status(kd_tree.error()) : ok_status();
   StructureStats stats;
   (*kd_tree)->add_stats(stats);
   stats_.reason =
