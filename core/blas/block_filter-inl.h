@@ -37,6 +37,8 @@ struct BlockHits {
   std::uint32_t certain;   ///< are hit, in the range; only when asked for
 };
 
+inline constexpr float kUnderflow = 0x1p-120F;
+
 enum class Certain : std::uint8_t { kNotAsked, kAsked };
 
 /// The edge functions of the sheared triangles in float, against a bound of their rounding, then the depths
@@ -51,7 +53,8 @@ enum class Certain : std::uint8_t { kNotAsked, kAsked };
 /// limit l when N = u (az - l) + v (bz - l) + w (cz - l) has the sign of D. Where the true edge functions are
 /// of one sign, |u| + |v| + |w| <= |D| + 6 f, and with F the largest |z - l|, N is off by at most
 ///   (|D| + 6 f) (2 e + 4 q F) + 3 f (F + 2 e) < pad |D| + 4 f (F + pad)    as F < 4 S,
-/// and N in the form Z - l D by as much. An infinite limit, an overflow or a NaN rejects nothing.
+/// and N in the form Z - l D by as much. An infinite limit, an overflow or a NaN rejects nothing. Products of
+/// tiny numbers lose up to 2^-126 each, denormals flushed or not: kUnderflow on top.
 template <Precision kPrecision, Certain kCertain>
 HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r, float s_far) {
   const BlockRay::D4 d;
@@ -78,8 +81,9 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
   const auto largest = hn::Max(hn::Max(hn::Max(hn::Abs(ax), hn::Abs(bx)), hn::Max(hn::Abs(cx), hn::Abs(ay))),
                                hn::Max(hn::Abs(by), hn::Abs(cy)));
   const float e = 0.25F * ray.pad;
-  const auto bound =
-      hn::Mul(hn::Set(d, (kPrecision == Precision::kFast ? 16.F : 8.F) * e), hn::Add(largest, hn::Set(d, e)));
+  const auto floor = hn::Set(d, kUnderflow);
+  const auto bound = hn::MulAdd(hn::Set(d, (kPrecision == Precision::kFast ? 16.F : 8.F) * e),
+                                hn::Add(largest, hn::Set(d, e)), floor);
   const auto lowest = hn::Min(u, hn::Min(v, w));
   const auto highest = hn::Max(u, hn::Max(v, w));
   // Overflow gives NaN or infinity, and then no comparison rejects.
@@ -110,7 +114,7 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
     const auto from_far = hn::NegMulAdd(far, area, from_near);
     const auto deepest = hn::Max(hn::Abs(sa), hn::Max(hn::Abs(sb), hn::Abs(sc)));
     const auto near_error =
-        hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), hn::Add(deepest, pad), hn::Mul(pad, area));
+        hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), hn::Add(deepest, pad), hn::MulAdd(pad, area, floor));
     const auto far_error = hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), far, near_error);
     const auto out_of_range = hn::Or(hn::Lt(from_near, hn::Neg(near_error)), hn::Gt(from_far, far_error));
     const std::uint32_t possible = ~mask_bits(hn::Or(outside, out_of_range)) & 0xFU;

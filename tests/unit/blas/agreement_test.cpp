@@ -1,6 +1,7 @@
 // Every structure gives the bits of brute force.
 
 #include <bit>
+#include <cmath>
 #include <map>
 
 #include <gtest/gtest.h>
@@ -95,6 +96,36 @@ TEST_P(Agreement, robust_hits_are_those_of_brute_force_bit_for_bit) {
 
 TEST_P(Agreement, fast_hits_are_those_of_brute_force_bit_for_bit) {
   compare_with_brute_force<Precision::kFast>();
+}
+
+// Products of coordinates of such meshes are denormal or 0 in float.
+TEST_P(Agreement, tiny_meshes_lose_no_hit_to_underflow) {
+  test::Random random(test::seed_or(18));
+  for (const int exponent : {-30, -42, -54, -60, -63, -66, -69, -72, -76, -90}) {
+    TriangleMesh mesh = test::jittered_icosphere(2, 5);
+    const float scale = std::ldexp(1.F, exponent);
+    for (Vec3f& p : mesh.positions) p *= scale;
+    const auto shared = test::share(std::move(mesh));
+    const Result<Blas> blas = Blas::build(shared, GetParam().options);
+    const Result<Blas> reference = Blas::build(shared, {.kind = StructureKind::kBruteForce});
+    ASSERT_TRUE(blas.ok() && reference.ok());
+    for (int i = 0; i < 300; ++i) {
+      // From inside to a vertex, the middle of an edge, or anywhere.
+      const auto corners = shared->corners(random.below(std::uint32_t(shared->triangle_count())));
+      const Vec3d origin = 0.3 * double(scale) * random.in_box(1.0);
+      const double share = 0.5 * double(random.below(3));
+      const Vec3d target = glm::mix(Vec3d(corners[0]), Vec3d(corners[1]), share);
+      const Vec3d towards = i % 4 == 0 ? random.direction() : (target - origin) / double(scale);
+      RayCase ray;
+      ray.ray = {origin, towards};
+      const Hit want = closest<Precision::kRobust>(*reference, ray);
+      const Hit got = closest<Precision::kRobust>(*blas, ray);
+      ASSERT_TRUE(want.valid()) << "2^" << exponent << ", ray " << i << " left a closed mesh";
+      ASSERT_EQ(got.primitive_id, want.primitive_id) << "2^" << exponent << ", ray " << i;
+      ASSERT_TRUE(same_bits(got.t, want.t)) << "2^" << exponent << ", ray " << i;
+      ASSERT_TRUE(any<Precision::kRobust>(*blas, ray)) << "2^" << exponent << ", ray " << i;
+    }
+  }
 }
 
 TEST_P(Agreement, an_empty_mesh_is_never_hit) {
