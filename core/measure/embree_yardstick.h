@@ -72,7 +72,8 @@ class EmbreeScene {
   void trace(std::span<const std::array<float, 8>> rows, std::size_t begin, std::size_t end, QueryKind query,
              EmbreeEntry entry, EmbreeAnswers& answers) const;
 
-  /// Moves the vertices of mesh 0 of a single-mesh kDynamic scene and refits its tree.
+  /// Moves the vertices of mesh 0 of a single-mesh kDynamic scene of kLow and refits its tree; the first call
+  /// builds a tree that can be.
   [[nodiscard]] Status refit(std::span<const Vec3f> positions);
   /// Gives instances new places and commits the top level; `moves` of a kDynamic scene of instances.
   struct Move {

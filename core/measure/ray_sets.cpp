@@ -63,12 +63,8 @@ Result<RaySetKind> parse_ray_set(std::string_view name) {
 RaySetMaker::RaySetMaker(const scene::Scene& scene, const View& view, std::size_t count, std::uint64_t seed)
     : view_(view), count_(count), seed_(seed) {
   const Bounds3d bounds = scene.bounds();
-  if (!bounds.empty()) {
-    diagonal_ = glm::length(bounds.extent());
-    // Above a corner near the camera; inside of a closed hall it is under the ceiling.
-    light_ = bounds.lower + bounds.extent() * Vec3d{0.3, 0.93, 0.4};
-  }
-  if (!bounds.empty() && !bounds.contains(view.eye)) light_ = view.eye + 0.3 * diagonal_ * view.up;
+  if (!bounds.empty()) diagonal_ = glm::length(bounds.extent());
+  light_ = view.light.value_or(view.eye + 0.3 * diagonal_ * view.up);
   find_starts(scene, primary());
 }
 

@@ -97,7 +97,7 @@ BenchScene make_s3(std::uint64_t seed, double size) {
 }
 BenchScene make_s4(std::uint64_t seed, double size) {
   return single(hall_mesh(scaled(324'000, size), seed),
-                {{2.6, 3.0, 2.7}, {36.0, 4.5, 12.0}, {0, 1, 0}, 60.0});
+                {{2.6, 3.0, 2.7}, {36.0, 4.5, 12.0}, {0, 1, 0}, 60.0, Vec3d{7.5, 6.0, 5.3}});
 }
 BenchScene make_s5(std::uint64_t seed, double size) {
   return single(soup_mesh(scaled(1'000'000, size), seed), {{1.3, 1.1, 2.1}, Vec3d(0.5)});

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,6 +19,7 @@ struct View {
   Vec3d target{0.0};
   Vec3d up{0.0, 1.0, 0.0};
   double yfov_deg = 40.0;
+  std::optional<Vec3d> light = std::nullopt;  ///< where shadow rays go; none: above the camera
 };
 
 struct BenchScene {

@@ -71,6 +71,16 @@ TEST_F(RaySets, ACameraThatSeesNothingIsAnErrorForBounces) {
   EXPECT_FALSE(maker.make(RaySetKind::kAo));
 }
 
+TEST(RaySetsOfTheHall, TheLightIsSeenFromSomeOfWhatTheCameraSees) {
+  const BenchScene hall = make_scene("S4", 5, 0.05).value();
+  const auto scene = scene::build_scene(hall.data).value();
+  const RaySetMaker maker(*scene, hall.view, 2000, 5);
+  const auto dark = scene::occluded(*scene, maker.make(RaySetKind::kShadow)->batch(), {});
+  const auto count = std::count(dark->begin(), dark->end(), RayStatus::kHit);
+  EXPECT_GT(count, 200);
+  EXPECT_LT(count, 1800);
+}
+
 TEST(RaySetNames, AnUnknownOneIsAnError) {
   EXPECT_FALSE(parse_ray_set("bounce"));
 }
