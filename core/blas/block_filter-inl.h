@@ -37,26 +37,28 @@ struct BlockHits {
   std::uint32_t certain;   ///< are hit, in the range; only when asked for
 };
 
-inline constexpr float kUnderflow = 0x1p-120F;
-
 enum class Certain : std::uint8_t { kNotAsked, kAsked };
 
-/// The edge functions of the sheared triangles in float, against a bound of their rounding, then the depths
-/// of those that are left.
-///
+using Block4 = hn::Vec<BlockRay::D4>;
+
+/// The sheared triangles in float: edge functions with a bound of their rounding, and depths along z.
+struct BlockEdges {
+  Block4 u, v, w, bound;
+  Block4 az, bz, cz;
+
+  [[nodiscard]] HWY_INLINE Block4 lowest() const { return hn::Min(u, hn::Min(v, w)); }
+  [[nodiscard]] HWY_INLINE Block4 highest() const { return hn::Max(u, hn::Max(v, w)); }
+};
+
+inline constexpr float kUnderflow = 0x1p-120F;
+
 /// With q = 2^-24 and S as in ObjectRay::pad = 32 q S, a sheared coordinate is off by at most 8 q S = pad / 4
 /// =: e (origin, difference, shear, product, difference), an edge function with largest coordinate m then by
 /// less than 8 e (m + e) =: f, as in triangle_test.h. `fast` accepts points up to 12 q S = 1.5 e beside the
 /// triangle, which moves an edge function by at most 1.5 e * 2.9 m more; twice the bound covers both.
-///
-/// Depth, for `robust`. The hit has depth (u az + v bz + w cz) / D with D = u + v + w, so it lies beyond a
-/// limit l when N = u (az - l) + v (bz - l) + w (cz - l) has the sign of D. Where the true edge functions are
-/// of one sign, |u| + |v| + |w| <= |D| + 6 f, and with F the largest |z - l|, N is off by at most
-///   (|D| + 6 f) (2 e + 4 q F) + 3 f (F + 2 e) < pad |D| + 4 f (F + pad)    as F < 4 S,
-/// and N in the form Z - l D by as much. An infinite limit, an overflow or a NaN rejects nothing. Products of
-/// tiny numbers lose up to 2^-126 each, denormals flushed or not: kUnderflow on top.
-template <Precision kPrecision, Certain kCertain>
-HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r, float s_far) {
+/// Products of tiny numbers lose up to 2^-126 each, denormals flushed or not: kUnderflow on top.
+template <Precision kPrecision>
+HWY_INLINE BlockEdges edges_of(const TriangleBlock& block, const BlockRay& r) {
   const BlockRay::D4 d;
   const mesh::ObjectRay& ray = r.ray;
   const auto ox = hn::Set(d, ray.cull_axes_origin.x);
@@ -64,68 +66,103 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
   const auto oz = hn::Set(d, ray.cull_axes_origin.z);
   const auto shear_x = hn::Set(d, r.shear_x);
   const auto shear_y = hn::Set(d, r.shear_y);
-
-  const auto az = hn::Sub(hn::Load(d, block.corners[0][ray.kz]), oz);
-  const auto bz = hn::Sub(hn::Load(d, block.corners[1][ray.kz]), oz);
-  const auto cz = hn::Sub(hn::Load(d, block.corners[2][ray.kz]), oz);
-  const auto ax = hn::NegMulAdd(shear_x, az, hn::Sub(hn::Load(d, block.corners[0][ray.kx]), ox));
-  const auto bx = hn::NegMulAdd(shear_x, bz, hn::Sub(hn::Load(d, block.corners[1][ray.kx]), ox));
-  const auto cx = hn::NegMulAdd(shear_x, cz, hn::Sub(hn::Load(d, block.corners[2][ray.kx]), ox));
-  const auto ay = hn::NegMulAdd(shear_y, az, hn::Sub(hn::Load(d, block.corners[0][ray.ky]), oy));
-  const auto by = hn::NegMulAdd(shear_y, bz, hn::Sub(hn::Load(d, block.corners[1][ray.ky]), oy));
-  const auto cy = hn::NegMulAdd(shear_y, cz, hn::Sub(hn::Load(d, block.corners[2][ray.ky]), oy));
-
-  const auto u = hn::NegMulAdd(cy, bx, hn::Mul(cx, by));
-  const auto v = hn::NegMulAdd(ay, cx, hn::Mul(ax, cy));
-  const auto w = hn::NegMulAdd(by, ax, hn::Mul(bx, ay));
+  BlockEdges out;
+  out.az = hn::Sub(hn::Load(d, block.corners[0][ray.kz]), oz);
+  out.bz = hn::Sub(hn::Load(d, block.corners[1][ray.kz]), oz);
+  out.cz = hn::Sub(hn::Load(d, block.corners[2][ray.kz]), oz);
+  const auto ax = hn::NegMulAdd(shear_x, out.az, hn::Sub(hn::Load(d, block.corners[0][ray.kx]), ox));
+  const auto bx = hn::NegMulAdd(shear_x, out.bz, hn::Sub(hn::Load(d, block.corners[1][ray.kx]), ox));
+  const auto cx = hn::NegMulAdd(shear_x, out.cz, hn::Sub(hn::Load(d, block.corners[2][ray.kx]), ox));
+  const auto ay = hn::NegMulAdd(shear_y, out.az, hn::Sub(hn::Load(d, block.corners[0][ray.ky]), oy));
+  const auto by = hn::NegMulAdd(shear_y, out.bz, hn::Sub(hn::Load(d, block.corners[1][ray.ky]), oy));
+  const auto cy = hn::NegMulAdd(shear_y, out.cz, hn::Sub(hn::Load(d, block.corners[2][ray.ky]), oy));
+  out.u = hn::NegMulAdd(cy, bx, hn::Mul(cx, by));
+  out.v = hn::NegMulAdd(ay, cx, hn::Mul(ax, cy));
+  out.w = hn::NegMulAdd(by, ax, hn::Mul(bx, ay));
   const auto largest = hn::Max(hn::Max(hn::Max(hn::Abs(ax), hn::Abs(bx)), hn::Max(hn::Abs(cx), hn::Abs(ay))),
                                hn::Max(hn::Abs(by), hn::Abs(cy)));
   const float e = 0.25F * ray.pad;
-  const auto floor = hn::Set(d, kUnderflow);
-  const auto bound = hn::MulAdd(hn::Set(d, (kPrecision == Precision::kFast ? 16.F : 8.F) * e),
-                                hn::Add(largest, hn::Set(d, e)), floor);
-  const auto lowest = hn::Min(u, hn::Min(v, w));
-  const auto highest = hn::Max(u, hn::Max(v, w));
+  out.bound = hn::MulAdd(hn::Set(d, (kPrecision == Precision::kFast ? 16.F : 8.F) * e),
+                         hn::Add(largest, hn::Set(d, e)), hn::Set(d, kUnderflow));
+  return out;
+}
+
+/// N of a limit times the sign of D, and the bound of its rounding; see depths_of.
+struct BlockDepths {
+  Block4 area;  ///< |D|
+  Block4 from_near, near_error;
+  Block4 from_far, far_error;
+};
+
+/// Where the hits lie in the range, for `robust`. A hit has depth (u az + v bz + w cz) / D with D = u + v +
+/// w, so it lies beyond a limit l when N = u (az - l) + v (bz - l) + w (cz - l) has the sign of D. Where the
+/// true edge functions are of one sign, |u| + |v| + |w| <= |D| + 6 f, and with F the largest |z - l|, N is
+/// off by at most
+///   (|D| + 6 f) (2 e + 4 q F) + 3 f (F + 2 e) < pad |D| + 4 f (F + pad)    as F < 4 S,
+/// and N in the form Z - l D by as much. An infinite limit, an overflow or a NaN rejects nothing.
+HWY_INLINE BlockDepths depths_of(const BlockEdges& edges, const BlockRay& r, float s_far) {
+  const BlockRay::D4 d;
+  // The direction's z component is +-1 in the culling half.
+  const auto sign = hn::Set(d, r.sign_z);
+  const auto sa = hn::Mul(edges.az, sign);
+  const auto sb = hn::Mul(edges.bz, sign);
+  const auto sc = hn::Mul(edges.cz, sign);
+  const auto pad = hn::Set(d, r.ray.pad);
+  const auto far = hn::Set(d, s_far);
+  const auto sum = hn::Add(edges.u, hn::Add(edges.v, edges.w));
+  const auto depth = hn::MulAdd(edges.u, sa, hn::MulAdd(edges.v, sb, hn::Mul(edges.w, sc)));
+  const auto deepest = hn::Max(hn::Abs(sa), hn::Max(hn::Abs(sb), hn::Abs(sc)));
+  const auto four_bounds = hn::Mul(hn::Set(d, 4.F), edges.bound);
+  BlockDepths out;
+  out.area = hn::Abs(sum);
+  out.from_near = hn::Xor(depth, hn::Xor(sum, out.area));
+  out.from_far = hn::NegMulAdd(far, out.area, out.from_near);
+  out.near_error =
+      hn::MulAdd(four_bounds, hn::Add(deepest, pad), hn::MulAdd(pad, out.area, hn::Set(d, kUnderflow)));
+  out.far_error = hn::MulAdd(four_bounds, far, out.near_error);
+  return out;
+}
+
+template <class Mask>
+HWY_INLINE std::uint32_t bits_of(Mask mask) {
+  std::uint8_t bits[8] = {0};
+  hn::StoreMaskBits(BlockRay::D4(), mask, bits);
+  return std::uint32_t(bits[0]) & 0xFU;
+}
+
+/// Looks at the edge functions, then at the depths of what is left.
+template <Precision kPrecision, Certain kCertain>
+HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r, float s_far) {
+  const BlockRay::D4 d;
+  const BlockEdges edges = edges_of<kPrecision>(block, r);
+  const auto lowest = edges.lowest();
+  const auto highest = edges.highest();
   // Overflow gives NaN or infinity, and then no comparison rejects.
-  const auto outside = hn::And(hn::Lt(lowest, hn::Neg(bound)), hn::Gt(highest, bound));
+  const auto outside = hn::And(hn::Lt(lowest, hn::Neg(edges.bound)), hn::Gt(highest, edges.bound));
   if (hn::Lanes(d) == 4 && hn::AllTrue(d, outside)) return {0, 0};
 
-  // Depths along the ray: the direction's z component is +-1 in the culling half.
-  const auto sign = hn::Set(d, r.sign_z);
-  const auto sa = hn::Mul(az, sign);
-  const auto sb = hn::Mul(bz, sign);
-  const auto sc = hn::Mul(cz, sign);
-  const auto pad = hn::Set(d, ray.pad);
-  const auto far = hn::Set(d, s_far);
-  const auto mask_bits = [&](auto mask) {
-    std::uint8_t bits[8] = {0};
-    hn::StoreMaskBits(d, mask, bits);
-    return std::uint32_t(bits[0]) & 0xFU;
-  };
   if constexpr (kPrecision == Precision::kFast) {
-    const auto beyond = hn::Gt(hn::Min(sa, hn::Min(sb, sc)), hn::Add(far, pad));
-    const auto before = hn::Lt(hn::Max(sa, hn::Max(sb, sc)), hn::Neg(pad));
-    return {~mask_bits(hn::Or(outside, hn::Or(beyond, before))) & 0xFU, 0};
+    const auto sign = hn::Set(d, r.sign_z);
+    const auto sa = hn::Mul(edges.az, sign);
+    const auto sb = hn::Mul(edges.bz, sign);
+    const auto sc = hn::Mul(edges.cz, sign);
+    const auto beyond = hn::Gt(hn::Min(sa, hn::Min(sb, sc)), hn::Set(d, s_far + r.ray.pad));
+    const auto before = hn::Lt(hn::Max(sa, hn::Max(sb, sc)), hn::Set(d, -r.ray.pad));
+    return {~bits_of(hn::Or(outside, hn::Or(beyond, before))) & 0xFU, 0};
   } else {
-    const auto sum = hn::Add(u, hn::Add(v, w));
-    const auto area = hn::Abs(sum);
-    const auto depth = hn::MulAdd(u, sa, hn::MulAdd(v, sb, hn::Mul(w, sc)));
-    const auto from_near = hn::Xor(depth, hn::Xor(sum, area));
-    const auto from_far = hn::NegMulAdd(far, area, from_near);
-    const auto deepest = hn::Max(hn::Abs(sa), hn::Max(hn::Abs(sb), hn::Abs(sc)));
-    const auto near_error =
-        hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), hn::Add(deepest, pad), hn::MulAdd(pad, area, floor));
-    const auto far_error = hn::MulAdd(hn::Mul(hn::Set(d, 4.F), bound), far, near_error);
-    const auto out_of_range = hn::Or(hn::Lt(from_near, hn::Neg(near_error)), hn::Gt(from_far, far_error));
-    const std::uint32_t possible = ~mask_bits(hn::Or(outside, out_of_range)) & 0xFU;
+    const BlockDepths depths = depths_of(edges, r, s_far);
+    const auto out_of_range = hn::Or(hn::Lt(depths.from_near, hn::Neg(depths.near_error)),
+                                     hn::Gt(depths.from_far, depths.far_error));
+    const std::uint32_t possible = ~bits_of(hn::Or(outside, out_of_range)) & 0xFU;
     if constexpr (kCertain == Certain::kNotAsked) return {possible, 0};
     // All edge functions beyond their bound on one side, and the depth well inside the range: s_far is a pad
     // and its rounding, below another, beyond the s of tfar, and all t of s >= pad are beyond tnear.
-    const auto inside = hn::Or(hn::Gt(lowest, bound), hn::Lt(highest, hn::Neg(bound)));
-    const auto in_range =
-        hn::And(hn::Gt(from_near, hn::MulAdd(pad, area, near_error)),
-                hn::Lt(hn::MulAdd(hn::Set(d, 2.F * ray.pad), area, from_far), hn::Neg(far_error)));
-    return {possible, mask_bits(hn::And(inside, in_range))};
+    const auto inside = hn::Or(hn::Gt(lowest, edges.bound), hn::Lt(highest, hn::Neg(edges.bound)));
+    const auto pad = hn::Set(d, r.ray.pad);
+    const auto after_near = hn::Gt(depths.from_near, hn::MulAdd(pad, depths.area, depths.near_error));
+    const auto before_far =
+        hn::Lt(hn::MulAdd(hn::Add(pad, pad), depths.area, depths.from_far), hn::Neg(depths.far_error));
+    return {possible, bits_of(hn::And(inside, hn::And(after_near, before_far)))};
   }
 }
 
