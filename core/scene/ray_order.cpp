@@ -96,7 +96,7 @@ class Cells {
   int last_;
 };
 
-/// 16 bits: where the ray starts, and to which of eight sides it goes.
+/// 15 bits: where the ray starts, and to which of eight sides it goes.
 class OriginKey {
  public:
   static constexpr std::uint32_t kCount = 1U << 15;
@@ -113,7 +113,7 @@ class OriginKey {
   Cells cells_;
 };
 
-/// 16 bits: the direction, on the sides of a cube, or on the part of one side that holds them all.
+/// 17 bits: the direction, on the sides of a cube, or on the part of one side that holds them all.
 class DirectionKey {
  public:
   static constexpr std::uint32_t kCount = 1U << 17;
