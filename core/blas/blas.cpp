@@ -7,6 +7,7 @@
 
 #include "core/blas/brute_force.h"
 #include "core/blas/bvh.h"
+#include "core/blas/collector.h"
 #include "core/blas/cost_model.h"
 #include "core/blas/embree_tree.h"
 #include "core/blas/kd_tree.h"
@@ -146,30 +147,38 @@ bool Blas::can_refit() const {
       structure_);
 }
 
-template <Precision kPrecision>
-bool Blas::intersect(const mesh::ObjectRay& ray, Hit& best) const {
+template <Precision kPrecision, class C>
+bool Blas::collect(const mesh::ObjectRay& ray, C& collector) const {
   return std::visit(
       [&](const auto& structure) {
-        return structure->template intersect<kPrecision, false>(*mesh_, ray, best);
+        return structure->template intersect<kPrecision>(*mesh_, ray, collector);
       },
       structure_);
 }
 
 template <Precision kPrecision>
+bool Blas::intersect(const mesh::ObjectRay& ray, Hit& best) const {
+  ClosestHit closest{best};
+  return collect<kPrecision>(ray, closest);
+}
+
+template <Precision kPrecision>
 bool Blas::occluded(const mesh::ObjectRay& ray, double tfar) const {
-  Hit best;
-  best.t = tfar;
-  return std::visit(
-      [&](const auto& structure) {
-        return structure->template intersect<kPrecision, true>(*mesh_, ray, best);
-      },
-      structure_);
+  AnyHit any{tfar};
+  return collect<kPrecision>(ray, any);
+}
+
+template <Precision kPrecision>
+void Blas::intersect_every(const mesh::ObjectRay& ray, HitSink& sink) const {
+  collect<kPrecision>(ray, sink);
 }
 
 template bool Blas::intersect<Precision::kFast>(const mesh::ObjectRay&, Hit&) const;
 template bool Blas::intersect<Precision::kRobust>(const mesh::ObjectRay&, Hit&) const;
 template bool Blas::occluded<Precision::kFast>(const mesh::ObjectRay&, double) const;
 template bool Blas::occluded<Precision::kRobust>(const mesh::ObjectRay&, double) const;
+template void Blas::intersect_every<Precision::kFast>(const mesh::ObjectRay&, HitSink&) const;
+template void Blas::intersect_every<Precision::kRobust>(const mesh::ObjectRay&, HitSink&) const;
 
 bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);

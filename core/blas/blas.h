@@ -23,6 +23,7 @@ class Bvh;
 class WideBvh;
 class KdTree;
 class EmbreeTree;
+class HitSink;
 
 /// kAuto picks by a stated cost model: brute force for a handful of triangles, else the wide BVH, or a
 /// kd-tree where boxes overlap so much that it costs less. kBvh is the binary one: half the memory, a third
@@ -97,6 +98,11 @@ class Blas {
   template <Precision kPrecision>
   [[nodiscard]] bool occluded(const mesh::ObjectRay& ray, double tfar) const;
 
+  /// Offers every hit in [ray.tnear, sink.tfar()] to the sink, as a Collector is offered hits: at least once,
+  /// in any order. `ray` was prepared with bounds().
+  template <Precision kPrecision>
+  void intersect_every(const mesh::ObjectRay& ray, HitSink& sink) const;
+
   /// Whether this structure traces packets at all.
   [[nodiscard]] bool has_packets() const;
   /// intersect() or occluded() for the rays of a packet, lane by lane the same answers; best[lane].t starts
@@ -115,6 +121,8 @@ class Blas {
                                  std::shared_ptr<const WideBvh>, std::shared_ptr<const KdTree>,
                                  std::shared_ptr<const EmbreeTree>>;
   Blas() = default;
+  template <Precision kPrecision, class C>
+  bool collect(const mesh::ObjectRay& ray, C& collector) const;
   void add_structure_stats();
   Status prefer_kd_tree(const std::stop_token& stop);
 

@@ -9,8 +9,8 @@
 
 #include <hwy/highway.h>
 
+#include "core/blas/collector.h"
 #include "core/blas/triangle_block.h"
-#include "core/mesh/triangle_test.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::blas::HWY_NAMESPACE {
@@ -168,38 +168,40 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
 
 /// Decides about one triangle of a block.
 template <Precision kPrecision>
-HWY_INLINE bool intersect_lane(const TriangleBlock& block, std::uint32_t lane, const mesh::ObjectRay& ray,
-                               Hit& best) {
+HWY_INLINE bool decide_lane(const TriangleBlock& block, std::uint32_t lane, const mesh::ObjectRay& ray,
+                            mesh::TriangleHit& hit) {
   if constexpr (kPrecision == Precision::kFast) {
-    return mesh::intersect_primitive<kPrecision>(ray, block.corner(0, lane), block.corner(1, lane),
-                                                 block.corner(2, lane), block.ids[lane], best);
+    return mesh::intersect_triangle_fast(ray, block.corner(0, lane), block.corner(1, lane),
+                                         block.corner(2, lane), hit);
   } else {
     const auto corner = [&](int number) {
       const auto& columns = block.corners[number];
       return Vec3f(columns[ray.kx][lane], columns[ray.ky][lane], columns[ray.kz][lane]);
     };
-    mesh::TriangleHit hit;
-    return mesh::intersect_triangle_robust(ray, {corner(0), corner(1), corner(2)}, hit) &&
-           mesh::keep_closer(ray, hit, block.ids[lane], best);
+    return mesh::intersect_triangle_robust(ray, {corner(0), corner(1), corner(2)}, hit);
   }
 }
 
-/// Tests `count` consecutive blocks; true when `best` was replaced, or, for any hit, when there is one.
-template <Precision kPrecision, bool kAnyHit>
-HWY_INLINE bool intersect_leaf(const TriangleBlock* block, std::uint32_t count, const BlockRay& r,
-                               float s_far, Hit& best) {
-  bool replaced = false;
+/// Tests `count` consecutive blocks; what was said to the hits together.
+template <Precision kPrecision, Collector C>
+HWY_INLINE Offer intersect_leaf(const TriangleBlock* block, std::uint32_t count, const BlockRay& r,
+                                float s_far, C& collector) {
+  Offer all = Offer::kGoOn;
   for (; count != 0; --count, ++block) {
     const BlockHits hits = filter_block < kPrecision,
-                    kAnyHit ? Certain::kAsked : Certain::kNotAsked > (*block, r, s_far);
+                    C::kStopsAtFirst ? Certain::kAsked : Certain::kNotAsked > (*block, r, s_far);
     for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
-      if (block->ids[__builtin_ctz(certain)] != r.ray.excluded_primitive) return true;
+      if (block->ids[__builtin_ctz(certain)] != r.ray.excluded_primitive) return Offer::kDone;
     for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
-      replaced |= intersect_lane<kPrecision>(*block, std::uint32_t(__builtin_ctz(candidates)), r.ray, best);
-      if (kAnyHit && replaced) return true;
+      const auto lane = std::uint32_t(__builtin_ctz(candidates));
+      mesh::TriangleHit hit;
+      if (!decide_lane<kPrecision>(*block, lane, r.ray, hit)) continue;
+      const Offer offer = collector.offer(r.ray, hit, block->ids[lane]);
+      if (offer == Offer::kDone) return offer;
+      if (offer == Offer::kNarrowed) all = offer;
     }
   }
-  return replaced;
+  return all;
 }
 
 }  // namespace gridcast::blas::HWY_NAMESPACE

@@ -1,7 +1,6 @@
 #include "core/blas/brute_force.h"
 
 #include "core/blas/cost_model.h"
-#include "core/mesh/triangle_test.h"
 
 namespace gridcast::blas {
 
@@ -16,26 +15,30 @@ Result<std::shared_ptr<const BruteForce>> BruteForce::refit(const mesh::Triangle
   return std::make_shared<const BruteForce>(*this);
 }
 
-template <Precision kPrecision, bool kAnyHit>
-bool BruteForce::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const {
-  bool replaced = false;
+template <Precision kPrecision, Collector C>
+bool BruteForce::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const {
+  bool narrowed = false;
   for (std::uint32_t id = 0; id < mesh.triangle_count(); ++id) {
     const auto [p0, p1, p2] = mesh.corners(id);
-    if (!mesh::intersect_primitive<kPrecision>(ray, p0, p1, p2, id, best)) continue;
-    if constexpr (kAnyHit) return true;
-    replaced = true;
+    const Offer offer = test_triangle<kPrecision>(ray, p0, p1, p2, id, collector);
+    if (offer == Offer::kDone) return true;
+    narrowed |= offer == Offer::kNarrowed;
   }
-  return replaced;
+  return narrowed;
 }
 
-template bool BruteForce::intersect<Precision::kFast, false>(const mesh::TriangleMesh&,
-                                                             const mesh::ObjectRay&, Hit&) const;
-template bool BruteForce::intersect<Precision::kFast, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                            Hit&) const;
-template bool BruteForce::intersect<Precision::kRobust, false>(const mesh::TriangleMesh&,
-                                                               const mesh::ObjectRay&, Hit&) const;
-template bool BruteForce::intersect<Precision::kRobust, true>(const mesh::TriangleMesh&,
-                                                              const mesh::ObjectRay&, Hit&) const;
+template bool BruteForce::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                      ClosestHit&) const;
+template bool BruteForce::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                      AnyHit&) const;
+template bool BruteForce::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                      HitSink&) const;
+template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                        ClosestHit&) const;
+template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                        AnyHit&) const;
+template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                        HitSink&) const;
 
 Status BruteForce::validate(const mesh::TriangleMesh& mesh) const {
   if (mesh.triangle_count() == triangle_count_) return ok_status();

@@ -5,6 +5,7 @@
 #include <stop_token>
 
 #include "core/blas/blas.h"
+#include "core/blas/collector.h"
 
 namespace gridcast::blas {
 
@@ -15,8 +16,9 @@ class BruteForce {
   /// Nothing to move: the mesh itself is all there is.
   [[nodiscard]] Result<std::shared_ptr<const BruteForce>> refit(const mesh::TriangleMesh& moved) const;
 
-  template <Precision kPrecision, bool kAnyHit>
-  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+  /// True when an offer narrowed the range or ended the traversal.
+  template <Precision kPrecision, Collector C>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
 
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;

@@ -8,6 +8,7 @@
 
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
+#include "core/blas/collector.h"
 
 namespace gridcast::blas {
 
@@ -21,8 +22,9 @@ class Bvh {
   /// corners. `moved` has the triangles of the mesh this was built from.
   [[nodiscard]] Result<std::shared_ptr<const Bvh>> refit(const mesh::TriangleMesh& moved) const;
 
-  template <Precision kPrecision, bool kAnyHit>
-  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+  /// True when an offer narrowed the range or ended the traversal.
+  template <Precision kPrecision, Collector C>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
 
   /// Boxes contain their children and triangles, every triangle is in one leaf, links are in range, depth is
   /// bounded. The error's `where` names the node (`/nodes/17`).

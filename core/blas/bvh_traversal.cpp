@@ -1,7 +1,6 @@
 #include <utility>
 
 #include "core/blas/bvh.h"
-#include "core/mesh/triangle_test.h"
 
 namespace gridcast::blas {
 namespace {
@@ -18,15 +17,15 @@ struct StackEntry {
 //
 // A node is skipped only when it starts strictly beyond s_far: one that starts at the same distance may hold
 // a hit at the same t with a smaller id.
-template <Precision kPrecision, bool kAnyHit>
-bool Bvh::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const {
+template <Precision kPrecision, Collector C>
+bool Bvh::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const {
   if (nodes_.empty()) return false;
   const BvhNode* const nodes = nodes_.data();
   const std::uint32_t* const ids = primitive_ids_->data();
   StackEntry stack[kMaxBvhDepth];
   std::size_t stack_size = 0;
-  bool replaced = false;
-  float s_far = ray.cull_far(best.t);
+  bool narrowed = false;
+  float s_far = ray.cull_far(collector.tfar());
   float s_enter;
   if (!mesh::intersect_box(ray, nodes[0].lower, nodes[0].upper, s_far, s_enter)) return false;
 
@@ -53,34 +52,38 @@ bool Bvh::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, 
         continue;
       }
     } else {
-      bool closer_here = false;
+      bool narrowed_here = false;
       for (std::uint32_t i = node->first; i < node->first + node->count; ++i) {
         const std::uint32_t id = ids[i];
         const auto [p0, p1, p2] = mesh.corners(id);
-        if (!mesh::intersect_primitive<kPrecision>(ray, p0, p1, p2, id, best)) continue;
-        if constexpr (kAnyHit) return true;
-        closer_here = true;
+        const Offer offer = test_triangle<kPrecision>(ray, p0, p1, p2, id, collector);
+        if (offer == Offer::kDone) return true;
+        narrowed_here |= offer == Offer::kNarrowed;
       }
-      if (closer_here) {
-        replaced = true;
-        s_far = ray.cull_far(best.t);
+      if (narrowed_here) {
+        narrowed = true;
+        s_far = ray.cull_far(collector.tfar());
       }
     }
     do {
-      if (stack_size == 0) return replaced;
+      if (stack_size == 0) return narrowed;
       --stack_size;
     } while (stack[stack_size].s_enter > s_far);
     node = nodes + stack[stack_size].node;
   }
 }
 
-template bool Bvh::intersect<Precision::kFast, false>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                      Hit&) const;
-template bool Bvh::intersect<Precision::kFast, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                     Hit&) const;
-template bool Bvh::intersect<Precision::kRobust, false>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                        Hit&) const;
-template bool Bvh::intersect<Precision::kRobust, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                       Hit&) const;
+template bool Bvh::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                               ClosestHit&) const;
+template bool Bvh::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                               AnyHit&) const;
+template bool Bvh::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                               HitSink&) const;
+template bool Bvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                 ClosestHit&) const;
+template bool Bvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                 AnyHit&) const;
+template bool Bvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                 HitSink&) const;
 
 }  // namespace gridcast::blas

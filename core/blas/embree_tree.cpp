@@ -14,8 +14,6 @@
 #include <embree3/rtcore.h>
 #endif
 
-#include "core/mesh/triangle_test.h"
-
 // Why no hit is lost. Let M be the mesh's largest coordinate. Embree gets the culling half of the ray, moved
 // forward to where it enters the mesh's box (its integer comparisons need distances of at least 0), and
 // boxes padded by 2^-16 M + 2^-90 on every side. Lengths below are along one axis.
@@ -50,45 +48,54 @@ struct Query {
   Context context;
   const mesh::TriangleMesh* mesh;
   const mesh::ObjectRay* ray;
-  Hit* best;
+  void* collector;
+  double tfar;     ///< the collector's
   double s_start;  ///< s of the moved origin
-  bool replaced;
-  bool (*test)(Query& query, std::uint32_t primitive_id);
+  bool narrowed;   ///< by an offer, or ended
+  Offer (*test)(Query& query, std::uint32_t primitive_id);
 
   /// tfar for Embree, rounded up.
   [[nodiscard]] float far() const {
-    const double s = double(ray->cull_far(best->t)) - s_start;
+    const double s = double(ray->cull_far(tfar)) - s_start;
     const auto nearest = float(s);
     return double(nearest) < s ? std::nextafter(nearest, std::numeric_limits<float>::infinity()) : nearest;
   }
 };
 
-template <Precision kPrecision>
-bool test_triangle(Query& query, std::uint32_t primitive_id) {
+template <Precision kPrecision, Collector C>
+Offer offer_triangle(Query& query, std::uint32_t primitive_id) {
   const auto [p0, p1, p2] = query.mesh->corners(primitive_id);
-  return mesh::intersect_primitive<kPrecision>(*query.ray, p0, p1, p2, primitive_id, *query.best);
+  auto& collector = *static_cast<C*>(query.collector);
+  const Offer offer = test_triangle<kPrecision>(*query.ray, p0, p1, p2, primitive_id, collector);
+  query.tfar = collector.tfar();
+  query.narrowed |= offer != Offer::kGoOn;
+  return offer;
 }
 
-/// For validate(): whether Embree leads the ray to the primitive named in `best`.
-bool is_wanted(Query& query, std::uint32_t primitive_id) {
-  return primitive_id == query.best->primitive_id;
+/// For validate(): whether Embree leads the ray to the primitive that `collector` points to.
+Offer is_wanted(Query& query, std::uint32_t primitive_id) {
+  if (primitive_id != *static_cast<const std::uint32_t*>(query.collector)) return Offer::kGoOn;
+  query.narrowed = true;
+  return Offer::kDone;
 }
+
+constexpr float kEndsRay = -std::numeric_limits<float>::infinity();
 
 void on_intersect(const RTCIntersectFunctionNArguments* args) {
   Query& query = *reinterpret_cast<Query*>(args->context);
-  if (args->valid[0] == 0 || !query.test(query, args->primID)) return;
-  query.replaced = true;
+  if (args->valid[0] == 0) return;
+  const Offer offer = query.test(query, args->primID);
+  if (offer == Offer::kGoOn) return;
   auto& ray_hit = *reinterpret_cast<RTCRayHit*>(args->rayhit);
-  ray_hit.ray.tfar = query.far();
+  ray_hit.ray.tfar = offer == Offer::kDone ? kEndsRay : query.far();
   ray_hit.hit.geomID = args->geomID;
   ray_hit.hit.primID = args->primID;
 }
 
 void on_occluded(const RTCOccludedFunctionNArguments* args) {
   Query& query = *reinterpret_cast<Query*>(args->context);
-  if (args->valid[0] == 0 || !query.test(query, args->primID)) return;
-  query.replaced = true;
-  reinterpret_cast<RTCRay*>(args->ray)->tfar = -std::numeric_limits<float>::infinity();
+  if (args->valid[0] == 0 || query.test(query, args->primID) != Offer::kDone) return;
+  reinterpret_cast<RTCRay*>(args->ray)->tfar = kEndsRay;
 }
 
 struct BoundsData {
@@ -189,12 +196,12 @@ struct EmbreeTree::Scene {
     return code == RTC_ERROR_NONE ? ok_status() : to_error(code);
   }
 
-  /// Closest hit, or any: true when a triangle was accepted.
-  template <bool kAnyHit>
+  /// True when an offer narrowed the range or ended the traversal.
+  template <bool kStopsAtFirst>
   bool trace(Query& query) const {
     const mesh::ObjectRay& ray = *query.ray;
     float s_start;
-    if (!mesh::intersect_box(ray, bounds.lower, bounds.upper, ray.cull_far(query.best->t), s_start))
+    if (!mesh::intersect_box(ray, bounds.lower, bounds.upper, ray.cull_far(query.tfar), s_start))
       return false;
     query.s_start = double(s_start);
     const Vec3f origin(Vec3d(ray.cull_origin) + query.s_start * Vec3d(ray.cull_direction));
@@ -215,7 +222,7 @@ struct EmbreeTree::Scene {
     ray_hit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
 #if RTC_VERSION_MAJOR >= 4
     rtcInitRayQueryContext(&query.context);
-    if constexpr (kAnyHit) {
+    if constexpr (kStopsAtFirst) {
       RTCOccludedArguments arguments;
       rtcInitOccludedArguments(&arguments);
       arguments.context = &query.context;
@@ -228,12 +235,12 @@ struct EmbreeTree::Scene {
     }
 #else
     rtcInitIntersectContext(&query.context);
-    if constexpr (kAnyHit)
+    if constexpr (kStopsAtFirst)
       rtcOccluded1(scene, &query.context, &ray_hit.ray);
     else
       rtcIntersect1(scene, &query.context, &ray_hit);
 #endif
-    return query.replaced;
+    return query.narrowed;
   }
 };
 
@@ -249,26 +256,28 @@ Result<std::shared_ptr<const EmbreeTree>> EmbreeTree::build(const mesh::Triangle
   return std::shared_ptr<const EmbreeTree>(std::move(made));
 }
 
-template <Precision kPrecision, bool kAnyHit>
-bool EmbreeTree::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const {
-  Query query{{}, &mesh, &ray, &best, 0.0, false, test_triangle<kPrecision>};
-  if (ray.pad <= scene_->max_ray_pad) return scene_->scene != nullptr && scene_->trace<kAnyHit>(query);
-  for (std::uint32_t id = 0; id < scene_->triangle_count; ++id) {
-    if (!test_triangle<kPrecision>(query, id)) continue;
-    if constexpr (kAnyHit) return true;
-    query.replaced = true;
-  }
-  return query.replaced;
+template <Precision kPrecision, Collector C>
+bool EmbreeTree::intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const {
+  Query query{{}, &mesh, &ray, &collector, collector.tfar(), 0.0, false, offer_triangle<kPrecision, C>};
+  if (ray.pad <= scene_->max_ray_pad)
+    return scene_->scene != nullptr && scene_->trace<C::kStopsAtFirst>(query);
+  for (std::uint32_t id = 0; id < scene_->triangle_count; ++id)
+    if (query.test(query, id) == Offer::kDone) return true;
+  return query.narrowed;
 }
 
-template bool EmbreeTree::intersect<Precision::kFast, false>(const mesh::TriangleMesh&,
-                                                             const mesh::ObjectRay&, Hit&) const;
-template bool EmbreeTree::intersect<Precision::kFast, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                            Hit&) const;
-template bool EmbreeTree::intersect<Precision::kRobust, false>(const mesh::TriangleMesh&,
-                                                               const mesh::ObjectRay&, Hit&) const;
-template bool EmbreeTree::intersect<Precision::kRobust, true>(const mesh::TriangleMesh&,
-                                                              const mesh::ObjectRay&, Hit&) const;
+template bool EmbreeTree::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                      ClosestHit&) const;
+template bool EmbreeTree::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                      AnyHit&) const;
+template bool EmbreeTree::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                      HitSink&) const;
+template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                        ClosestHit&) const;
+template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                        AnyHit&) const;
+template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                        HitSink&) const;
 
 Status EmbreeTree::validate(const mesh::TriangleMesh& mesh) const {
   if (mesh.triangle_count() != scene_->triangle_count) {
@@ -289,10 +298,8 @@ Status EmbreeTree::validate(const mesh::TriangleMesh& mesh) const {
     const auto [p0, p1, p2] = mesh.corners(std::uint32_t(id));
     const Ray probe{0.5 * Vec3d(p0) + 0.25 * Vec3d(p1) + 0.25 * Vec3d(p2), {0.0, 0.0, 1.0}, 0.0, 0.0};
     mesh::ObjectRay ray;
-    Hit wanted;
-    wanted.t = 0.0;
-    wanted.primitive_id = std::uint32_t(id);
-    Query query{{}, &mesh, &ray, &wanted, 0.0, false, is_wanted};
+    auto wanted = std::uint32_t(id);
+    Query query{{}, &mesh, &ray, &wanted, 0.0, 0.0, false, is_wanted};
     if (ray.prepare(probe, scene_->bounds) && scene_->trace<true>(query)) continue;
     return Error{ErrorCode::kInternal, "a ray that starts on the triangle is not led to it",
                  "/triangles/" + std::to_string(id)};

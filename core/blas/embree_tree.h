@@ -6,6 +6,7 @@
 #include <stop_token>
 
 #include "core/blas/blas.h"
+#include "core/blas/collector.h"
 
 namespace gridcast::blas {
 
@@ -22,8 +23,9 @@ class EmbreeTree {
   EmbreeTree(const EmbreeTree&) = delete;
   EmbreeTree& operator=(const EmbreeTree&) = delete;
 
-  template <Precision kPrecision, bool kAnyHit>
-  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+  /// True when an offer narrowed the range or ended the traversal.
+  template <Precision kPrecision, Collector C>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
 
   /// Embree's nodes cannot be seen from outside: checks the box of all, and for up to kMaxProbes triangles
   /// that a ray which starts on one is led to it.

@@ -5,6 +5,7 @@
 #include <stop_token>
 
 #include "core/blas/blas.h"
+#include "core/blas/collector.h"
 #include "core/blas/kd_treelet.h"
 
 namespace gridcast::blas {
@@ -19,8 +20,9 @@ class KdTree {
   [[nodiscard]] static Result<std::shared_ptr<const KdTree>> build(const mesh::TriangleMesh& mesh,
                                                                    std::stop_token stop);
 
-  template <Precision kPrecision, bool kAnyHit>
-  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+  /// True when an offer narrowed the range or ended the traversal.
+  template <Precision kPrecision, Collector C>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
 
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;

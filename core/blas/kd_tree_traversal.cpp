@@ -1,5 +1,5 @@
 // The traversal kernel, compiled once per instruction set and chosen at run time by Highway.
-// All of it only culls; mesh::intersect_primitive decides, in scalar double, so hits are the same on each.
+// All of it only culls; mesh::intersect_triangle decides, in scalar double, so hits are the same on each.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE \
   "core/blas/kd_tree_traversal.cpp"  // NOLINT: Highway includes this file once per target
@@ -181,26 +181,29 @@ HWY_INLINE void gather(const KdTriangle* triangles, const KdBlock& block, Triang
   }
 }
 
-template <Precision kPrecision, bool kAnyHit>
-HWY_INLINE bool intersect_blocks(const KdTriangle* triangles, const KdBlock* block, std::uint32_t count,
-                                 const BlockRay& r, float s_exit, Hit& best) {
-  bool replaced = false;
+/// Tests `count` consecutive blocks; what was said to the hits together.
+template <Precision kPrecision, Collector C>
+HWY_INLINE Offer intersect_blocks(const KdTriangle* triangles, const KdBlock* block, std::uint32_t count,
+                                  const BlockRay& r, float s_exit, C& collector) {
+  Offer all = Offer::kGoOn;
   TriangleBlock columns;
   for (; count != 0; --count, ++block) {
     gather(triangles, *block, columns);
     // A hit beyond the leaf's cell is found in the leaf where it lies.
     const BlockHits hits = filter_block < kPrecision,
-                    kAnyHit ? Certain::kAsked : Certain::kNotAsked > (columns, r, s_exit);
+                    C::kStopsAtFirst ? Certain::kAsked : Certain::kNotAsked > (columns, r, s_exit);
     for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
-      if (triangles[block->triangles[__builtin_ctz(certain)]].id != r.ray.excluded_primitive) return true;
+      if (triangles[block->triangles[__builtin_ctz(certain)]].id != r.ray.excluded_primitive)
+        return Offer::kDone;
     for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
       const KdTriangle& triangle = triangles[block->triangles[__builtin_ctz(candidates)]];
-      replaced |= mesh::intersect_primitive<kPrecision>(r.ray, triangle.corner(0), triangle.corner(1),
-                                                        triangle.corner(2), triangle.id, best);
-      if (kAnyHit && replaced) return true;
+      const Offer offer = test_triangle<kPrecision>(r.ray, triangle.corner(0), triangle.corner(1),
+                                                    triangle.corner(2), triangle.id, collector);
+      if (offer == Offer::kDone) return offer;
+      if (offer == Offer::kNarrowed) all = offer;
     }
   }
-  return replaced;
+  return all;
 }
 
 /// mesh::intersect_box with the far end as well.
@@ -218,9 +221,9 @@ HWY_INLINE bool clip_to_root(const mesh::ObjectRay& ray, const Bounds3f& box, fl
 // order. Cells follow each other along the ray, so after a hit what lies behind it is beyond s_far and the
 // walk ends at the first leaf with a hit inside. Because every point of a triangle lies in a leaf that lists
 // it, the leaf of the winning hit is reached whatever the rounding.
-template <Precision kPrecision, bool kAnyHit>
-HWY_INLINE bool traverse(const KdLayout& tree, const mesh::ObjectRay& ray, Hit& best) {
-  float s_far = ray.cull_far(best.t);
+template <Precision kPrecision, Collector C>
+HWY_INLINE bool traverse(const KdLayout& tree, const mesh::ObjectRay& ray, C& collector) {
+  float s_far = ray.cull_far(collector.tfar());
   float s_enter, s_exit = s_far;
   if (!clip_to_root(ray, tree.bounds, s_enter, s_exit)) return false;
   const KdTreelet* const treelets = tree.treelets.data();
@@ -229,7 +232,7 @@ HWY_INLINE bool traverse(const KdLayout& tree, const mesh::ObjectRay& ray, Hit& 
   const KdRay r(ray);
   StackEntry stack[kKdStackSize];
   std::size_t size = 0;
-  bool replaced = false;
+  bool narrowed = false;
   StackEntry next{make_key(s_enter, 0), s_exit, 0};
   SlotSegments segments;
   for (;;) {
@@ -256,30 +259,40 @@ HWY_INLINE bool traverse(const KdLayout& tree, const mesh::ObjectRay& ray, Hit& 
         }
         continue;
       }
-    } else if (intersect_blocks<kPrecision, kAnyHit>(triangles, blocks + link, next.blocks, r.block,
-                                                     std::min(next.exit, s_far), best)) {
-      if constexpr (kAnyHit) return true;
-      replaced = true;
-      s_far = ray.cull_far(best.t);
+    } else {
+      const Offer offer = intersect_blocks<kPrecision>(triangles, blocks + link, next.blocks, r.block,
+                                                       std::min(next.exit, s_far), collector);
+      if (offer == Offer::kDone) return true;
+      if (offer == Offer::kNarrowed) {
+        narrowed = true;
+        s_far = ray.cull_far(collector.tfar());
+      }
     }
     do {
-      if (size == 0) return replaced;
+      if (size == 0) return narrowed;
       next = stack[--size];
-    } while (!kAnyHit && enter_of(next.key) > s_far);
+    } while (!C::kStopsAtFirst && enter_of(next.key) > s_far);
   }
 }
 
-bool kd_closest_fast(const KdLayout& t, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kFast, false>(t, r, h);
+// One function for each kernel: Highway dispatches functions, not templates.
+bool kd_closest_fast(const KdLayout& t, const mesh::ObjectRay& r, ClosestHit& c) {
+  return traverse<Precision::kFast>(t, r, c);
 }
-bool kd_any_fast(const KdLayout& t, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kFast, true>(t, r, h);
+bool kd_closest_robust(const KdLayout& t, const mesh::ObjectRay& r, ClosestHit& c) {
+  return traverse<Precision::kRobust>(t, r, c);
 }
-bool kd_closest_robust(const KdLayout& t, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kRobust, false>(t, r, h);
+bool kd_any_fast(const KdLayout& t, const mesh::ObjectRay& r, AnyHit& c) {
+  return traverse<Precision::kFast>(t, r, c);
 }
-bool kd_any_robust(const KdLayout& t, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kRobust, true>(t, r, h);
+bool kd_any_robust(const KdLayout& t, const mesh::ObjectRay& r, AnyHit& c) {
+  return traverse<Precision::kRobust>(t, r, c);
+}
+bool kd_every_fast(const KdLayout& t, const mesh::ObjectRay& r, HitSink& c) {
+  return traverse<Precision::kFast>(t, r, c);
+}
+bool kd_every_robust(const KdLayout& t, const mesh::ObjectRay& r, HitSink& c) {
+  return traverse<Precision::kRobust>(t, r, c);
 }
 
 }  // namespace gridcast::blas::HWY_NAMESPACE
@@ -289,30 +302,40 @@ HWY_AFTER_NAMESPACE();
 namespace gridcast::blas {
 
 HWY_EXPORT(kd_closest_fast);
-HWY_EXPORT(kd_any_fast);
 HWY_EXPORT(kd_closest_robust);
+HWY_EXPORT(kd_any_fast);
 HWY_EXPORT(kd_any_robust);
+HWY_EXPORT(kd_every_fast);
+HWY_EXPORT(kd_every_robust);
 
-template <Precision kPrecision, bool kAnyHit>
-bool KdTree::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, Hit& best) const {
+template <Precision kPrecision, Collector C>
+bool KdTree::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {
   if (layout_.treelets.empty()) return false;
-  if constexpr (kPrecision == Precision::kFast) {
-    if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(kd_any_fast)(layout_, ray, best);
-    return HWY_DYNAMIC_DISPATCH(kd_closest_fast)(layout_, ray, best);
+  constexpr bool kFast = kPrecision == Precision::kFast;
+  if constexpr (std::same_as<C, ClosestHit>) {
+    if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(kd_closest_fast)(layout_, ray, collector);
+    return HWY_DYNAMIC_DISPATCH(kd_closest_robust)(layout_, ray, collector);
+  } else if constexpr (std::same_as<C, AnyHit>) {
+    if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(kd_any_fast)(layout_, ray, collector);
+    return HWY_DYNAMIC_DISPATCH(kd_any_robust)(layout_, ray, collector);
   } else {
-    if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(kd_any_robust)(layout_, ray, best);
-    return HWY_DYNAMIC_DISPATCH(kd_closest_robust)(layout_, ray, best);
+    if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(kd_every_fast)(layout_, ray, collector);
+    return HWY_DYNAMIC_DISPATCH(kd_every_robust)(layout_, ray, collector);
   }
 }
 
-template bool KdTree::intersect<Precision::kFast, false>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                         Hit&) const;
-template bool KdTree::intersect<Precision::kFast, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                        Hit&) const;
-template bool KdTree::intersect<Precision::kRobust, false>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                           Hit&) const;
-template bool KdTree::intersect<Precision::kRobust, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                          Hit&) const;
+template bool KdTree::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                  ClosestHit&) const;
+template bool KdTree::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                  AnyHit&) const;
+template bool KdTree::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                  HitSink&) const;
+template bool KdTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                    ClosestHit&) const;
+template bool KdTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                    AnyHit&) const;
+template bool KdTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                    HitSink&) const;
 
 }  // namespace gridcast::blas
 #endif

@@ -8,6 +8,7 @@
 
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
+#include "core/blas/collector.h"
 #include "core/blas/ray_packet.h"
 #include "core/blas/triangle_block.h"
 #include "core/blas/uninitialized_allocator.h"
@@ -71,8 +72,9 @@ class WideBvh {
   /// had a part of a triangle gets the box of the whole: right, but worse.
   [[nodiscard]] Result<std::shared_ptr<const WideBvh>> refit(const mesh::TriangleMesh& moved) const;
 
-  template <Precision kPrecision, bool kAnyHit>
-  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, Hit& best) const;
+  /// True when an offer narrowed the range or ended the traversal.
+  template <Precision kPrecision, Collector C>
+  bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
 
   /// The same for a packet: best[lane] as `intersect` would leave it, lane by lane. `bounds` are the mesh's.
   template <Precision kPrecision, bool kAnyHit>

@@ -1,5 +1,5 @@
 // The traversal kernel, compiled once per instruction set and chosen at run time by Highway.
-// All of it only culls; mesh::intersect_primitive decides, in scalar double, so hits are the same on each.
+// All of it only culls; mesh::intersect_triangle decides, in scalar double, so hits are the same on each.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE \
   "core/blas/wide_traversal.cpp"  // NOLINT: Highway includes this file once per target
@@ -78,14 +78,14 @@ HWY_INLINE std::uint32_t enter_children(const WideNode& node, const WideRay& r, 
 }
 
 // The stack holds what is still to visit, nearest on top. Entries of one node are inserted in order.
-template <Precision kPrecision, bool kAnyHit>
+template <Precision kPrecision, Collector C>
 HWY_INLINE bool traverse(const WideNode* nodes, const TriangleBlock* blocks, const mesh::ObjectRay& ray,
-                         Hit& best) {
+                         C& collector) {
   const WideRay r(ray);
   StackEntry stack[kWideStackSize];
   std::size_t size = 0;
-  bool replaced = false;
-  float s_far = ray.cull_far(best.t);
+  bool narrowed = false;
+  float s_far = ray.cull_far(collector.tfar());
   StackEntry last = far_entry(s_far);
   std::uint32_t link = 0;
   alignas(32) std::int32_t s_enter[8];
@@ -107,7 +107,7 @@ HWY_INLINE bool traverse(const WideNode* nodes, const TriangleBlock* blocks, con
         for (; hits != 0; hits &= hits - 1) {
           slot = std::uint32_t(__builtin_ctz(hits));
           std::int64_t other = entry(s_enter[slot], node.child[slot]);
-          if constexpr (!kAnyHit) {
+          if constexpr (!C::kStopsAtFirst) {
             const std::int64_t nearer = std::min(next, other);
             other = std::max(next, other);
             next = nearer;
@@ -121,32 +121,42 @@ HWY_INLINE bool traverse(const WideNode* nodes, const TriangleBlock* blocks, con
         link = std::uint32_t(next);
         continue;
       }
-    } else if (intersect_leaf<kPrecision, kAnyHit>(blocks + wide_child::index(link),
-                                                   wide_child::block_count(link), r.block, s_far, best)) {
-      if constexpr (kAnyHit) return true;
-      replaced = true;
-      s_far = ray.cull_far(best.t);
-      last = far_entry(s_far);
+    } else {
+      const Offer offer = intersect_leaf<kPrecision>(
+          blocks + wide_child::index(link), wide_child::block_count(link), r.block, s_far, collector);
+      if (offer == Offer::kDone) return true;
+      if (offer == Offer::kNarrowed) {
+        narrowed = true;
+        s_far = ray.cull_far(collector.tfar());
+        last = far_entry(s_far);
+      }
     }
     do {
-      if (size == 0) return replaced;
+      if (size == 0) return narrowed;
       --size;
-    } while (!kAnyHit && stack[size] > last);
+    } while (!C::kStopsAtFirst && stack[size] > last);
     link = std::uint32_t(stack[size]);
   }
 }
 
-bool closest_fast(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kFast, false>(n, b, r, h);
+// One function for each kernel: Highway dispatches functions, not templates.
+bool closest_fast(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, ClosestHit& c) {
+  return traverse<Precision::kFast>(n, b, r, c);
 }
-bool any_fast(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kFast, true>(n, b, r, h);
+bool closest_robust(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, ClosestHit& c) {
+  return traverse<Precision::kRobust>(n, b, r, c);
 }
-bool closest_robust(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kRobust, false>(n, b, r, h);
+bool any_fast(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, AnyHit& c) {
+  return traverse<Precision::kFast>(n, b, r, c);
 }
-bool any_robust(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, Hit& h) {
-  return traverse<Precision::kRobust, true>(n, b, r, h);
+bool any_robust(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, AnyHit& c) {
+  return traverse<Precision::kRobust>(n, b, r, c);
+}
+bool every_fast(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, HitSink& c) {
+  return traverse<Precision::kFast>(n, b, r, c);
+}
+bool every_robust(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, HitSink& c) {
+  return traverse<Precision::kRobust>(n, b, r, c);
 }
 
 }  // namespace gridcast::blas::HWY_NAMESPACE
@@ -156,32 +166,42 @@ HWY_AFTER_NAMESPACE();
 namespace gridcast::blas {
 
 HWY_EXPORT(closest_fast);
-HWY_EXPORT(any_fast);
 HWY_EXPORT(closest_robust);
+HWY_EXPORT(any_fast);
 HWY_EXPORT(any_robust);
+HWY_EXPORT(every_fast);
+HWY_EXPORT(every_robust);
 
-template <Precision kPrecision, bool kAnyHit>
-bool WideBvh::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, Hit& best) const {
+template <Precision kPrecision, Collector C>
+bool WideBvh::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {
   if (nodes_.empty()) return false;
   const WideNode* n = nodes_.data();
   const TriangleBlock* b = blocks_.data();
-  if constexpr (kPrecision == Precision::kFast) {
-    if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(any_fast)(n, b, ray, best);
-    return HWY_DYNAMIC_DISPATCH(closest_fast)(n, b, ray, best);
+  constexpr bool kFast = kPrecision == Precision::kFast;
+  if constexpr (std::same_as<C, ClosestHit>) {
+    if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(closest_fast)(n, b, ray, collector);
+    return HWY_DYNAMIC_DISPATCH(closest_robust)(n, b, ray, collector);
+  } else if constexpr (std::same_as<C, AnyHit>) {
+    if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(any_fast)(n, b, ray, collector);
+    return HWY_DYNAMIC_DISPATCH(any_robust)(n, b, ray, collector);
   } else {
-    if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(any_robust)(n, b, ray, best);
-    return HWY_DYNAMIC_DISPATCH(closest_robust)(n, b, ray, best);
+    if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(every_fast)(n, b, ray, collector);
+    return HWY_DYNAMIC_DISPATCH(every_robust)(n, b, ray, collector);
   }
 }
 
-template bool WideBvh::intersect<Precision::kFast, false>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                          Hit&) const;
-template bool WideBvh::intersect<Precision::kFast, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                         Hit&) const;
-template bool WideBvh::intersect<Precision::kRobust, false>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                            Hit&) const;
-template bool WideBvh::intersect<Precision::kRobust, true>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
-                                                           Hit&) const;
+template bool WideBvh::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                   ClosestHit&) const;
+template bool WideBvh::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                   AnyHit&) const;
+template bool WideBvh::intersect<Precision::kFast>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                   HitSink&) const;
+template bool WideBvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                     ClosestHit&) const;
+template bool WideBvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                     AnyHit&) const;
+template bool WideBvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                     HitSink&) const;
 
 }  // namespace gridcast::blas
 #endif

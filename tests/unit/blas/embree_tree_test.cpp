@@ -23,7 +23,8 @@ Answers trace(const EmbreeTree& tree, const TriangleMesh& mesh, const Ray& ray) 
   answers.tree.t = answers.all.t = ray.tfar;
   mesh::ObjectRay prepared;
   if (!prepared.prepare(ray, mesh.bounds())) return answers;
-  tree.intersect<Precision::kRobust, false>(mesh, prepared, answers.tree);
+  ClosestHit closest{answers.tree};
+  tree.intersect<Precision::kRobust>(mesh, prepared, closest);
   for (std::uint32_t id = 0; id < mesh.triangle_count(); ++id) {
     const auto [p0, p1, p2] = mesh.corners(id);
     mesh::intersect_primitive<Precision::kRobust>(prepared, p0, p1, p2, id, answers.all);
@@ -122,7 +123,8 @@ TEST(EmbreeTree, a_hundred_thousand_equal_triangles_build_and_the_first_wins) {
   mesh::ObjectRay ray;
   ASSERT_TRUE(ray.prepare({{0.25, 0.25, 1.0}, {0.0, 0.0, -1.0}}, mesh.bounds()));
   Hit best;
-  ASSERT_TRUE((tree->intersect<Precision::kRobust, false>(mesh, ray, best)));
+  ClosestHit closest{best};
+  ASSERT_TRUE(tree->intersect<Precision::kRobust>(mesh, ray, closest));
   EXPECT_EQ(best.primitive_id, 0U);
 }
 

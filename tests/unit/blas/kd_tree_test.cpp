@@ -60,12 +60,12 @@ void expect_brute_force(const KdTree& tree, const TriangleMesh& mesh, const Ray&
     const auto [p0, p1, p2] = mesh.corners(id);
     mesh::intersect_primitive<Precision::kRobust>(prepared, p0, p1, p2, id, expected);
   }
-  tree.intersect<Precision::kRobust, false>(mesh, prepared, found);
+  ClosestHit closest{found};
+  tree.intersect<Precision::kRobust>(mesh, prepared, closest);
   ASSERT_EQ(found.primitive_id, expected.primitive_id);
   ASSERT_EQ(found.t, expected.t);
-  Hit any;
-  ASSERT_EQ((tree.intersect<Precision::kRobust, true>(mesh, prepared, any)),
-            expected.primitive_id != kInvalidId);
+  AnyHit any{Hit().t};
+  ASSERT_EQ(tree.intersect<Precision::kRobust>(mesh, prepared, any), expected.primitive_id != kInvalidId);
 }
 
 /// Rays through the box, each along an axis or free, some exactly through corners: equal to testing all
