@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include <nlohmann/json.hpp>
+#include "proto/replies_json.h"
 
 namespace gridcast::proto {
 namespace {
@@ -41,11 +41,15 @@ constexpr std::array kProblems{
     ProblemKind{kSceneNotFound, "scene_not_found", 404, "There is no such scene"},
     ProblemKind{kMeshNotFound, "mesh_not_found", 404, "The scene has no such mesh"},
     ProblemKind{kInstanceNotFound, "instance_not_found", 404, "The scene has no such instance"},
+    ProblemKind{kJobNotFound, "job_not_found", 404, "There is no such job"},
     ProblemKind{kNameTaken, "name_taken", 409, "Another scene has this name"},
     ProblemKind{kCannotRefit, "cannot_refit", 409, "The mesh's structure cannot be refitted"},
     ProblemKind{kVersionMismatch, "version_mismatch", 412, "The scene has another version by now"},
+    ProblemKind{kJobNotDone, "job_not_done", 409, "The job has no result yet"},
+    ProblemKind{kJobCancelled, "job_cancelled", 410, "The job was cancelled and has no result"},
     ProblemKind{kLimitExceeded, "limit_exceeded", 413, "The content is larger than a limit"},
     ProblemKind{kTooManyScenes, "too_many_scenes", 507, "The server holds as many scenes as it may"},
+    ProblemKind{kTooManyJobs, "too_many_jobs", 429, "The queue of jobs is full"},
     ProblemKind{kDeadlineExceeded, "deadline_exceeded", 504, "The request took longer than its deadline"},
     ProblemKind{kCancelled, "cancelled", 503, "The request was stopped before it was done"},
     ProblemKind{kOverloaded, "overloaded", 503, "The server has too much to do"},
@@ -107,7 +111,7 @@ const ProblemKind& describe(ProblemCode code) {
   return kProblems[std::size_t(code)];
 }
 
-std::string to_json(const Problem& problem) {
+nlohmann::ordered_json problem_json(const Problem& problem) {
   const ProblemKind& kind = describe(problem.code);
   nlohmann::ordered_json json;
   json["type"] = "urn:gridcast:problem:" + std::string(kind.name);
@@ -116,7 +120,11 @@ std::string to_json(const Problem& problem) {
   json["code"] = kind.name;
   json["detail"] = problem.detail;
   json["pointer"] = problem.pointer;
-  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+  return json;
+}
+
+std::string to_json(const Problem& problem) {
+  return problem_json(problem).dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
 }
 
 Problem to_problem(const Error& error, ErrorContext context) {

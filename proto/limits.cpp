@@ -19,7 +19,13 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"instances_per_page", limits.instances_per_page},
           {"name_bytes", limits.name_bytes},
           {"scenes", limits.scenes},
-          {"deadline_ms", limits.deadline_ms}};
+          {"deadline_ms", limits.deadline_ms},
+          {"jobs_queued", limits.jobs_queued},
+          {"jobs_kept", limits.jobs_kept},
+          {"job_result_bytes", limits.job_result_bytes},
+          {"job_keep_ms", limits.job_keep_ms},
+          {"job_deadline_ms", limits.job_deadline_ms},
+          {"event_streams", limits.event_streams}};
 }
 
 std::string to_json(const Limits& limits) {

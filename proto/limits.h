@@ -29,6 +29,14 @@ struct Limits {
   std::size_t name_bytes = 256;
   std::size_t scenes = 1'000;
   double deadline_ms = 30'000.0;  ///< of a request, the time in the queue included
+  std::size_t jobs_queued = 64;   ///< waiting, those at work not counted
+  std::size_t jobs_kept = 1'000;  ///< that have ended; the oldest are forgotten first
+  /// Results of all jobs together: a few of the largest pictures, or hundreds of usual ones.
+  std::size_t job_result_bytes = std::size_t(512) << 20;
+  double job_keep_ms = 600'000.0;      ///< how long an ended job and its result can be asked for
+  double job_deadline_ms = 600'000.0;  ///< of a job's work, without its time in the queue
+  /// Open streams of events: each holds a connection's thread.
+  std::size_t event_streams = 16;
 };
 
 /// The `limits` object of GET /v1: one member per field above, same names.

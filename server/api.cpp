@@ -6,12 +6,30 @@
 
 #include "proto/etag.h"
 #include "proto/media_type.h"
+#include "server/log.h"
 #include "server/problem.h"
 
 namespace gridcast::server {
 
 using proto::Problem;
 using proto::ProblemCode;
+
+namespace {
+
+// A job may take all cores for minutes: at least half of the gate's places are left to requests.
+std::size_t job_workers(std::size_t threads) {
+  constexpr std::size_t kMostWorkers = 4;
+  return std::clamp<std::size_t>(threads / 2, 1, kMostWorkers);
+}
+
+}  // namespace
+
+Api::Api(const proto::Limits& limits_in_force, std::size_t thread_count)
+    : limits(limits_in_force),
+      store(limits.scenes),
+      gate(thread_count + 1),
+      threads(thread_count),
+      jobs(limits, gate, job_workers(thread_count), log_job) {}
 
 Router make_router(Api& api) {
   Router router;
@@ -21,6 +39,7 @@ Router make_router(Api& api) {
   add_instance_routes(router, api);
   add_ray_routes(router, api);
   add_render_routes(router, api);
+  add_job_routes(router, api);
   return router;
 }
 

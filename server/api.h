@@ -1,6 +1,7 @@
 #pragma once
 // What the routes share, and the few steps that most of them take.
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include "proto/limits.h"
 #include "server/http_types.h"
+#include "server/jobs.h"
 #include "server/metrics.h"
 #include "server/router.h"
 #include "server/scene_store.h"
@@ -26,9 +28,10 @@ struct Api {
   std::size_t threads = 1;
   std::function<std::size_t()> requests_in_flight = [] { return std::size_t(0); };
   std::function<bool()> ready = [] { return true; };
+  std::atomic<std::size_t> event_streams{0};  ///< open now
+  Jobs jobs;                                  // last: its workers use the rest
 
-  Api(const proto::Limits& limits_in_force, std::size_t thread_count)
-      : limits(limits_in_force), store(limits.scenes), gate(thread_count + 1), threads(thread_count) {}
+  Api(const proto::Limits& limits_in_force, std::size_t thread_count);
 };
 
 void add_meta_routes(Router& router, Api& api);
@@ -37,6 +40,7 @@ void add_mesh_routes(Router& router, Api& api);
 void add_instance_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
 void add_render_routes(Router& router, Api& api);
+void add_job_routes(Router& router, Api& api);
 [[nodiscard]] Router make_router(Api& api);
 
 /// A scene and the one snapshot that a request works on.
@@ -66,6 +70,13 @@ class Timing {
   Clock::time_point last_ = Clock::now();
   std::string header_;
 };
+
+/// Whether the client would rather have a job than wait (Prefer: respond-async).
+[[nodiscard]] bool wants_job(const HttpRequest& request);
+/// Queues `work` and answers 202 with the job; with `Prefer: wait=SECONDS` its result when it comes in time.
+[[nodiscard]] HttpResponse answer_with_job(Api& api, const HttpRequest& request,
+                                           const Cancellation& cancellation, JobSubject subject,
+                                           JobWork work);
 
 /// Applies edits under If-Match; `pointer_of` maps a pointer of core's (`/edits/2/...`) to the request's
 /// shape.

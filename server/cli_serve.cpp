@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <atomic>
 #include <cstdio>
 #include <string>
@@ -68,6 +69,13 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
   add("--max-image-samples", limits.image_samples, "Width x height x samples of a picture");
   add("--max-scenes", limits.scenes, "Scenes at once");
   add("--deadline-ms", limits.deadline_ms, "A request's work, the wait in the queue included");
+  add("--max-queued-jobs", limits.jobs_queued, "Jobs that may wait");
+  add("--max-kept-jobs", limits.jobs_kept, "Ended jobs that can be asked for");
+  add("--max-job-result-bytes", limits.job_result_bytes, "Results of ended jobs, all together");
+  add("--job-keep-ms", limits.job_keep_ms, "How long an ended job is kept");
+  add("--job-deadline-ms", limits.job_deadline_ms, "A job's work, without the wait in the queue");
+  add("--max-event-streams", limits.event_streams,
+      "Streams of events at once; at most a quarter of the connections");
 }
 
 class ServeCommand final : public Command {
@@ -116,6 +124,9 @@ class ServeCommand final : public Command {
     if (!is_loopback(options_.http.host)) log_warning("listening on a public address without authentication");
     return_freed_memory();
     const ThreadLimit limit(options_.threads);
+    // Each stream holds a connection's thread: most of them stay free for requests.
+    options_.limits.event_streams = std::min(options_.limits.event_streams,
+                                             std::max<std::size_t>(1, options_.http.connection_threads / 4));
     Api api(options_.limits, limit.threads());
     std::atomic<bool> loaded{options_.load.empty()};
     api.ready = [&] { return loaded && !stop.stop_requested(); };
@@ -143,7 +154,10 @@ class ServeCommand final : public Command {
       loaded = true;
       if (code != kExitDone) http.stop();
     });
-    const std::stop_callback on_signal(stop, [&http] { http.stop(); });
+    const std::stop_callback on_signal(stop, [&http, &api] {
+      http.stop();
+      api.jobs.shut_down();
+    });
     http.serve();
     loader.join();
     log_info("stopped");

@@ -30,7 +30,6 @@ std::string request_id_of(const HttpHead& head) {
 }  // namespace
 
 HttpResponse Exchange::run() {
-  ++shared_.in_flight;
   record_.method = head_.method;
   record_.request_id = request_id_of(head_);
   HttpResponse response;
@@ -51,8 +50,24 @@ HttpResponse Exchange::run() {
   record_.status = response.status;
   record_.bytes_out = response.body.size();
   record_.ms = ms_between(started_, Clock::now());
-  --shared_.in_flight;
+  if (!response.stream) guard_.reset();
   return response;
+}
+
+void Exchange::stream(const StreamBody& body, const WritePart& write) {
+  cancellation_->lift_deadline();
+  try {
+    body(*cancellation_, [&](std::string_view part) {
+      record_.bytes_out += part.size();
+      return write(part);
+    });
+  } catch (const std::exception& error) {
+    log_error(error.what());
+    must_close_ = true;
+  }
+  client_gone_ = cancellation_->reason() == CancelReason::kDisconnected;
+  record_.ms = ms_between(started_, Clock::now());
+  guard_.reset();
 }
 
 HttpResponse Exchange::answer() {
@@ -142,10 +157,10 @@ std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& requ
 }
 
 HttpResponse Exchange::handle(const Route& route, const HttpRequest& request) {
-  Cancellation cancellation(started_ + transfer_ + shared_.options.deadline);
-  const RequestWatch::Guard guard(shared_.watch, connection_.socket(), cancellation);
-  HttpResponse response = route.handler(request, cancellation);
-  client_gone_ = cancellation.reason() == CancelReason::kDisconnected;
+  cancellation_.emplace(started_ + transfer_ + shared_.options.deadline);
+  guard_.emplace(shared_.watch, connection_.socket(), *cancellation_);
+  HttpResponse response = route.handler(request, *cancellation_);
+  client_gone_ = cancellation_->reason() == CancelReason::kDisconnected;
   return response;
 }
 

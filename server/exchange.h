@@ -27,11 +27,20 @@ struct ExchangeShared {
 class Exchange {
  public:
   Exchange(ExchangeShared shared, Connection& connection, const HttpHead& head, Clock::time_point started)
-      : shared_(shared), connection_(connection), head_(head), started_(started) {}
+      : shared_(shared), connection_(connection), head_(head), started_(started) {
+    ++shared_.in_flight;
+  }
+  ~Exchange() { --shared_.in_flight; }
+  Exchange(const Exchange&) = delete;
+  Exchange& operator=(const Exchange&) = delete;
 
   /// Never throws; what goes wrong becomes a problem.
   [[nodiscard]] HttpResponse run();
+  /// The body of an answer that run() gave a stream, sent by `write`.
+  void stream(const StreamBody& body, const WritePart& write);
 
+  /// False for a client that does not know chunks (HTTP/1.0): a stream ends with its connection.
+  [[nodiscard]] bool knows_chunks() const { return head_.minor_version > 0; }
   [[nodiscard]] const RequestRecord& record() const { return record_; }
   /// After run(): true when the body was not read whole, so the connection cannot be used again.
   [[nodiscard]] bool must_close() const { return must_close_; }
@@ -53,6 +62,8 @@ class Exchange {
   RequestRecord record_;
   std::string allowed_;
   std::size_t reserved_bytes_ = 0;
+  std::optional<Cancellation> cancellation_;  ///< while a handler or a stream is at work
+  std::optional<RequestWatch::Guard> guard_;
   bool must_close_ = false;
   bool client_gone_ = false;
 };

@@ -157,11 +157,30 @@ class HttpServer::Edge final : public httplib::Server {
   static void fill(httplib::Response& response) {
     HttpResponse answer = current_exchange->run();
     response.status = answer.status;
-    if (!answer.content_type.empty()) response.set_header("Content-Type", answer.content_type);
+    // The library names a stream's type by itself.
+    if (!answer.content_type.empty() && !answer.stream)
+      response.set_header("Content-Type", answer.content_type);
     for (const auto& [name, value] : answer.headers) response.set_header(name, value);
     response.body = std::move(answer.body);
+    if (answer.stream) stream(response, answer);
     if (current_exchange->must_close()) must_close_after = true;
     if (must_close_after) response.set_header("Connection", "close");
+  }
+
+  /// The whole stream is one call of the library's provider, so the library never cuts it in two.
+  static void stream(httplib::Response& response, const HttpResponse& answer) {
+    const auto provide = [exchange = current_exchange, body = answer.stream](std::size_t,
+                                                                             httplib::DataSink& sink) {
+      exchange->stream(body, [&sink](std::string_view part) { return sink.write(part.data(), part.size()); });
+      sink.done();
+      return true;
+    };
+    if (current_exchange->knows_chunks()) {
+      response.set_chunked_content_provider(answer.content_type, provide);
+    } else {
+      response.set_content_provider(answer.content_type, provide);
+      must_close_after = true;
+    }
   }
 
   bool process_and_close_socket(socket_t sock) override {

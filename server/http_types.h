@@ -4,10 +4,12 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <stop_token>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -37,11 +39,19 @@ struct HttpRequest {
   [[nodiscard]] const std::string& capture(const std::string& name) const { return captures.at(name); }
 };
 
+class Cancellation;
+/// Sends a part of a streamed body; false when the client is gone or too slow.
+using WritePart = std::function<bool(std::string_view)>;
+/// Makes a body while it is sent. Returns at its end, soon after a failed write or when cancelled (client
+/// gone, server stopping); a request's deadline does not hold for it.
+using StreamBody = std::function<void(const Cancellation&, const WritePart&)>;
+
 struct HttpResponse {
   int status = 200;
   std::string content_type;
   std::string body;
   std::vector<std::pair<std::string, std::string>> headers;
+  StreamBody stream = nullptr;  ///< when set, the body; `body` is empty
 
   HttpResponse& with(std::string name, std::string value) {
     headers.emplace_back(std::move(name), std::move(value));
@@ -50,7 +60,7 @@ struct HttpResponse {
 };
 
 /// Why a request's work was told to stop.
-enum class CancelReason : std::uint8_t { kNone, kDeadline, kDisconnected, kShutdown };
+enum class CancelReason : std::uint8_t { kNone, kDeadline, kDisconnected, kShutdown, kRequested };
 
 /// The stop signal of one request and its deadline. Stops at most once; any thread may ask.
 class Cancellation {
@@ -73,6 +83,7 @@ class Cancellation {
     const auto sooner = Clock::now() + std::chrono::duration_cast<Clock::duration>(time);
     if (sooner < deadline()) deadline_ = sooner.time_since_epoch().count();
   }
+  void lift_deadline() { deadline_ = Clock::time_point::max().time_since_epoch().count(); }
 
  private:
   std::stop_source source_;

@@ -47,6 +47,21 @@ void log_request(const RequestRecord& record) {
                 record.bytes_in, record.bytes_out, record.request_id);
 }
 
+void log_job(const Job& job, const JobView& view) {
+  const std::string& kind = job.subject().kind;
+  const std::string_view state = to_string(view.state);
+  const std::size_t bytes = view.result ? view.result->body.size() : 0;
+  const auto level = view.state == JobState::kFailed ? spdlog::level::warn : spdlog::level::info;
+  if (format_in_use == LogFormat::kJson)
+    spdlog::log(level,
+                "\"job\": \"{}\", \"kind\": \"{}\", \"state\": \"{}\", \"wait_ms\": {:.3f}, "
+                "\"run_ms\": {:.3f}, \"bytes_out\": {}",
+                job.id(), kind, state, view.wait_ms, view.run_ms, bytes);
+  else
+    spdlog::log(level, "job {} {} {} waited {:.3f} ms ran {:.3f} ms out {}", job.id(), kind, state,
+                view.wait_ms, view.run_ms, bytes);
+}
+
 void log_info(std::string_view text) {
   write(spdlog::level::info, text);
 }

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "server/http_server.h"
+#include "server/jobs.h"
 
 namespace gridcast::server {
 
@@ -15,6 +16,8 @@ void start_log(std::string_view level, LogFormat format);
 
 /// One line for one answered request.
 void log_request(const RequestRecord& record);
+/// One line for one job that has ended.
+void log_job(const Job& job, const JobView& view);
 void log_info(std::string_view text);
 void log_warning(std::string_view text);
 void log_error(std::string_view text);

@@ -51,6 +51,14 @@ struct Metrics::Families {
       gauge(registry, "gridcast_triangles", "Triangles of the meshes stored, all scenes").Add({});
   prometheus::Gauge& memory =
       gauge(registry, "gridcast_scene_memory_bytes", "Estimate of what the scenes hold").Add({});
+  prometheus::Family<prometheus::Gauge>& jobs =
+      gauge(registry, "gridcast_jobs", "Jobs that have not ended, by state");
+  prometheus::Family<prometheus::Counter>& jobs_ended =
+      counter(registry, "gridcast_jobs_ended_total", "Jobs that have ended, by state");
+  prometheus::Counter& jobs_refused =
+      counter(registry, "gridcast_jobs_refused_total", "Jobs refused because the queue was full").Add({});
+  prometheus::Gauge& job_results =
+      gauge(registry, "gridcast_job_result_bytes", "Results of jobs that are kept").Add({});
 };
 
 Metrics::Metrics() : families_(std::make_unique<Families>()) {}
@@ -80,7 +88,22 @@ void Metrics::count_update(const scene::UpdateReport& report) {
     (mesh.action == scene::MeshAction::kRefit ? families_->refits : families_->rebuilds).Increment();
 }
 
-std::string Metrics::text(const SceneStore& store, std::size_t requests_in_flight) {
+void Metrics::set_jobs(const JobCounts& jobs) {
+  families_->jobs.Add({{"state", "queued"}}).Set(double(jobs.queued));
+  families_->jobs.Add({{"state", "running"}}).Set(double(jobs.running));
+  // Counters that are counted elsewhere: brought up to what they are there.
+  const auto bring_up = [](prometheus::Counter& counter, std::uint64_t total) {
+    counter.Increment(double(total) - counter.Value());
+  };
+  for (const JobState state : {JobState::kDone, JobState::kFailed, JobState::kCancelled})
+    bring_up(families_->jobs_ended.Add({{"state", std::string(to_string(state))}}),
+             jobs.ended[std::size_t(state)]);
+  bring_up(families_->jobs_refused, jobs.refused);
+  families_->job_results.Set(double(jobs.result_bytes));
+}
+
+std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, std::size_t requests_in_flight) {
+  set_jobs(jobs);
   const auto scenes = store.list();
   double instances = 0;
   double triangles = 0;

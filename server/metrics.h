@@ -6,6 +6,7 @@
 
 #include "core/scene/update.h"
 #include "server/http_server.h"
+#include "server/jobs.h"
 #include "server/scene_store.h"
 
 namespace gridcast::server {
@@ -24,10 +25,13 @@ class Metrics {
   void count_pixels(std::size_t pixels);
   void count_update(const scene::UpdateReport& report);
 
-  /// Gauges are read from the store now.
-  [[nodiscard]] std::string text(const SceneStore& store, std::size_t requests_in_flight);
+  /// Gauges are read from the store and the jobs now.
+  [[nodiscard]] std::string text(const SceneStore& store, const JobCounts& jobs,
+                                 std::size_t requests_in_flight);
 
  private:
+  void set_jobs(const JobCounts& jobs);
+
   struct Families;
   std::unique_ptr<Families> families_;
 };

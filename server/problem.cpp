@@ -25,6 +25,7 @@ proto::Problem cancelled_problem(CancelReason reason) {
     case CancelReason::kShutdown:
       return {proto::ProblemCode::kOverloaded, "the server is shutting down", ""};
     case CancelReason::kDisconnected:
+    case CancelReason::kRequested:
     case CancelReason::kNone:
       break;
   }

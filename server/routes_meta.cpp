@@ -35,7 +35,7 @@ void add_meta_routes(Router& router, Api& api) {
   router.add({"GET", "/metrics", {}, plain([&api] {
                 return HttpResponse{200,
                                     "text/plain; version=0.0.4; charset=utf-8",
-                                    api.metrics.text(api.store, api.requests_in_flight()),
+                                    api.metrics.text(api.store, api.jobs.counts(), api.requests_in_flight()),
                                     {}};
               })});
   router.add({"GET", "/openapi.json", {}, plain([] { return json(std::string(proto::openapi_json())); })});

@@ -7,6 +7,11 @@
     scene.move({4: matrix})                            # [3, 4] or [4, 4], world from object
     open("picture.png", "wb").write(scene.render(width_px=800, height_px=600))
 
+    job = scene.start_render(width_px=4096, height_px=4096, samples=64)
+    for state in job.events():                         # {"state": "running", "progress": 0.42, ...}
+        print(state["progress"])
+    open("large.png", "wb").write(job.result())
+
 A ray that hits nothing has t = inf, status 0 and ids NO_ID; an invalid ray has status 4.
 """
 
@@ -107,6 +112,10 @@ class Service:
         """A scene that exists."""
         return Scene(self, scene_id)
 
+    def job(self, job_id):
+        """A job that was started before."""
+        return Job(self, job_id)
+
     def create_scene(self, glb, name=None, structure=None, gltf_scene=None):
         """A new scene of a GLB: a path, or its bytes."""
         data = glb if isinstance(glb, (bytes, bytearray)) else Path(glb).read_bytes()
@@ -121,6 +130,43 @@ class Service:
         body, _ = self.request("POST", "/v1/scenes" + _query(query), body, content_type)
         info = json.loads(body)
         return Scene(self, info["id"], info)
+
+
+class Job:
+    """Work of the server that was started and not waited for."""
+
+    def __init__(self, service, job_id):
+        self.service = service
+        self.id = job_id
+        self.path = f"/v1/jobs/{job_id}"
+
+    def info(self):
+        """{"state": "queued", "running", "done", "failed" or "cancelled", "progress": 0 to 1, ...}."""
+        return self.service.get(self.path)
+
+    def events(self):
+        """The job's info, again and again as it changes, until it has ended."""
+        request = urllib.request.Request(self.service.url + self.path + "/events")
+        with urllib.request.urlopen(request, timeout=self.service.timeout_s) as stream:
+            for line in stream:
+                if line.startswith(b"data: "):
+                    yield json.loads(line[6:])
+
+    def wait(self):
+        """Waits for the end; returns the last info."""
+        last = None
+        for last in self.events():
+            pass
+        return last or self.info()
+
+    def result(self):
+        """Waits for the end; the bytes of the result. GridcastError when the job failed or was cancelled."""
+        self.wait()
+        return self.service.request("GET", self.path + "/result", accept="*/*")[0]
+
+    def cancel(self):
+        """Stops the work; forgets a job that has ended."""
+        self.service.request("DELETE", self.path)
 
 
 class Scene:
@@ -197,6 +243,12 @@ class Scene:
         {"eye": [3], "target": [3], "up": [3], "yfov_deg": 45}. Settings: width_px, height_px, integrator, layers,
         samples, max_depth, precision, format, deadline_ms."""
         return self._call("POST", "/renders", {"camera": camera} | settings, accept="image/png, image/x-exr;q=0.9")
+
+    def start_render(self, camera="auto", **settings):
+        """Like render, but made by a job while the caller goes on."""
+        body, _ = self.service.request("POST", self.path + "/renders", {"camera": camera} | settings,
+                                       accept="image/png, image/x-exr;q=0.9", headers={"Prefer": "respond-async"})
+        return Job(self.service, json.loads(body)["id"])
 
     def add_instance(self, mesh_id, transform=None, name=None, if_version=None):
         """Places a mesh once more, at a [3, 4] or [4, 4] matrix; returns the instance's id."""

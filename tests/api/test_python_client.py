@@ -54,6 +54,20 @@ def test_it_moves_deforms_and_renders(row):
     assert picture.startswith(b"\x89PNG")
 
 
+def test_it_starts_watches_and_cancels_jobs(row, library):
+    job = row.start_render(width_px=64, height_px=48)
+    states = list(job.events())
+    assert states[-1]["state"] == "done" and states[-1]["progress"] == 1
+    assert job.result() == row.render(width_px=64, height_px=48)
+    assert row.service.job(job.id).info()["result"]["media_type"] == "image/png"
+    slow = row.start_render(width_px=4096, height_px=4096, samples=16)
+    slow.cancel()
+    assert slow.wait()["state"] == "cancelled"
+    with pytest.raises(library.GridcastError) as refused:
+        slow.result()
+    assert refused.value.code == "job_cancelled"
+
+
 def test_a_refusal_is_an_exception_with_the_problem(row, library):
     with pytest.raises(library.GridcastError) as refused:
         row.move({99: np.eye(4)[:3]})

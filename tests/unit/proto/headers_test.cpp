@@ -1,4 +1,4 @@
-// Media types, Accept and entity tags.
+// Media types, Accept, Prefer and entity tags.
 
 #include <array>
 
@@ -6,6 +6,7 @@
 
 #include "proto/etag.h"
 #include "proto/media_type.h"
+#include "proto/prefer.h"
 
 namespace gridcast::proto {
 namespace {
@@ -23,6 +24,24 @@ TEST(MediaType, what_breaks_the_grammar_is_none) {
   for (const std::string text :
        {"", "/", "a/", "/b", "a", "a/b c", "a/b;", "a/b;c", "a/b;c=", "a/b;c=\"d", "a/b,c/d", "a/b;c=d;c=d"})
     EXPECT_FALSE(parse_media_type(text)) << text;
+}
+
+TEST(Prefer, known_preferences_are_found_among_others) {
+  EXPECT_FALSE(parse_prefer("").respond_async);
+  EXPECT_TRUE(parse_prefer("respond-async").respond_async);
+  EXPECT_TRUE(parse_prefer(" foo; bar, Respond-Async ; x=y").respond_async);
+  EXPECT_EQ(parse_prefer("respond-async, wait=10").wait_s, 10.0);
+  EXPECT_EQ(parse_prefer("wait = \"3\", wait=5").wait_s, 3.0);
+  EXPECT_EQ(parse_prefer("wait=4294967295").wait_s, 86'400.0);
+}
+
+TEST(Prefer, what_breaks_the_grammar_is_ignored) {
+  for (const char* text :
+       {",", ";", "=", "wait", "wait=", "wait=x", "wait=-1", "wait=1x", "wait=99999999999", "wait=\""}) {
+    EXPECT_FALSE(parse_prefer(text).wait_s) << text;
+    EXPECT_FALSE(parse_prefer(text).respond_async) << text;
+  }
+  EXPECT_FALSE(parse_prefer("respond-asynchronously").respond_async);
 }
 
 TEST(Accept, the_client_chooses_among_what_is_offered) {

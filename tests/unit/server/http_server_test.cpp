@@ -32,6 +32,7 @@ class RunningServer {
   }
   [[nodiscard]] int port() const { return port_; }
   [[nodiscard]] CancelReason last_reason() const { return reason_; }
+  [[nodiscard]] int streams_ended() const { return streams_ended_; }
   [[nodiscard]] std::size_t in_flight() const { return server_.requests_in_flight(); }
 
  private:
@@ -56,10 +57,27 @@ class RunningServer {
                   reason_ = cancellation.reason();
                   return HttpResponse{503, "text/plain", "stopped", {}};
                 }});
+    router.add({"GET", "/ticks", {}, ticking(3)});
+    router.add({"GET", "/endless", {}, ticking(0)});
     return router;
   }
 
+  /// Says "tick" until the client goes or the server stops; the first `count` of them at once.
+  Handler ticking(int count) {
+    return [this, count](const HttpRequest&, Cancellation&) {
+      HttpResponse response{200, "text/event-stream", "", {}};
+      response.stream = [this, count](const Cancellation& cancellation, const WritePart& write) {
+        for (int i = 0; count == 0 || i < count; ++i)
+          if (cancellation.token().stop_requested() || !write("tick\n")) break;
+        reason_ = cancellation.reason();
+        ++streams_ended_;
+      };
+      return response;
+    };
+  }
+
   std::atomic<CancelReason> reason_{CancelReason::kNone};
+  std::atomic<int> streams_ended_{0};
   std::mutex mutex_;
   std::vector<RequestRecord> records_;
   HttpServer server_;
@@ -227,6 +245,68 @@ TEST(HttpServer, stopping_cancels_what_does_not_finish) {
   while (server.in_flight() == 0) std::this_thread::yield();
   server.stop();
   EXPECT_TRUE(has(client.read_all(), "stopped"));
+  EXPECT_EQ(server.last_reason(), CancelReason::kShutdown);
+}
+
+TEST(HttpServer, a_stream_comes_in_chunks_and_the_connection_lives_on) {
+  RunningServer server;
+  const std::string answer = ask(server.port(), std::string("GET /ticks HTTP/1.1\r\nHost: x\r\n\r\n") +
+                                                    "GET /echo/after HTTP/1.1\r\n" + kEnd);
+  EXPECT_TRUE(has(answer, "Transfer-Encoding: chunked")) << answer;
+  EXPECT_TRUE(has(answer, "Content-Type: text/event-stream\r\n")) << answer;
+  EXPECT_EQ(answer.find("Content-Type"), answer.find("Content-Type: text/event-stream"));
+  EXPECT_TRUE(has(answer, "\r\n\r\n5\r\ntick\n\r\n5\r\ntick\n\r\n5\r\ntick\n\r\n0\r\n\r\nHTTP/1.1 200"))
+      << answer;
+  EXPECT_TRUE(has(answer, "after")) << answer;
+}
+
+TEST(HttpServer, a_client_without_chunks_gets_a_stream_that_ends_with_the_connection) {
+  RunningServer server;
+  const std::string answer = ask(server.port(), "GET /ticks HTTP/1.0\r\n\r\n");
+  EXPECT_FALSE(has(answer, "chunked")) << answer;
+  EXPECT_TRUE(has(answer, "\r\n\r\ntick\ntick\ntick\n")) << answer;
+}
+
+TEST(HttpServer, head_of_a_stream_has_no_body) {
+  RunningServer server;
+  const std::string answer = ask(server.port(), std::string("HEAD /ticks HTTP/1.1\r\n") + kEnd);
+  EXPECT_TRUE(has(answer, "HTTP/1.1 200")) << answer;
+  EXPECT_FALSE(has(answer, "tick\n")) << answer;
+  EXPECT_EQ(server.streams_ended(), 0);
+}
+
+TEST(HttpServer, a_stream_ends_when_its_client_hangs_up) {
+  RunningServer server;
+  {
+    Client client(server.port());
+    client.send(std::string("GET /endless HTTP/1.1\r\n") + kEnd);
+    while (server.in_flight() == 0) std::this_thread::yield();
+  }
+  while (server.streams_ended() == 0) std::this_thread::yield();
+  while (server.in_flight() > 0) std::this_thread::yield();
+}
+
+TEST(HttpServer, a_stream_is_cut_when_nobody_reads_it) {
+  HttpServerOptions options;
+  options.connection.stall = std::chrono::milliseconds(100);
+  RunningServer server(options);
+  Client client(server.port());
+  client.send(std::string("GET /endless HTTP/1.1\r\n") + kEnd);
+  while (server.streams_ended() == 0) std::this_thread::yield();
+  EXPECT_EQ(server.last_reason(), CancelReason::kNone) << "the write's deadline ended it";
+}
+
+TEST(HttpServer, a_stream_outlives_the_deadline_of_requests_and_ends_with_the_server) {
+  HttpServerOptions options;
+  options.deadline = std::chrono::milliseconds(1);
+  options.drain = std::chrono::milliseconds(200);
+  RunningServer server(options);
+  Client client(server.port());
+  client.send(std::string("GET /endless HTTP/1.1\r\n") + kEnd);
+  std::thread reader([&] { (void)client.read_all(); });
+  while (server.in_flight() == 0) std::this_thread::yield();
+  server.stop();
+  reader.join();
   EXPECT_EQ(server.last_reason(), CancelReason::kShutdown);
 }
 
