@@ -32,6 +32,7 @@ class RunningServer {
   }
   [[nodiscard]] int port() const { return port_; }
   [[nodiscard]] CancelReason last_reason() const { return reason_; }
+  [[nodiscard]] int streams_started() const { return streams_started_; }
   [[nodiscard]] int streams_ended() const { return streams_ended_; }
   [[nodiscard]] std::size_t in_flight() const { return server_.requests_in_flight(); }
 
@@ -67,6 +68,7 @@ class RunningServer {
     return [this, count](const HttpRequest&, Cancellation&) {
       HttpResponse response{200, "text/event-stream", "", {}};
       response.stream = [this, count](const Cancellation& cancellation, const WritePart& write) {
+        ++streams_started_;
         for (int i = 0; count == 0 || i < count; ++i)
           if (cancellation.token().stop_requested() || !write("tick\n")) break;
         reason_ = cancellation.reason();
@@ -77,6 +79,7 @@ class RunningServer {
   }
 
   std::atomic<CancelReason> reason_{CancelReason::kNone};
+  std::atomic<int> streams_started_{0};
   std::atomic<int> streams_ended_{0};
   std::mutex mutex_;
   std::vector<RequestRecord> records_;
@@ -304,7 +307,7 @@ TEST(HttpServer, a_stream_outlives_the_deadline_of_requests_and_ends_with_the_se
   Client client(server.port());
   client.send(std::string("GET /endless HTTP/1.1\r\n") + kEnd);
   std::thread reader([&] { (void)client.read_all(); });
-  while (server.in_flight() == 0) std::this_thread::yield();
+  while (server.streams_started() == 0) std::this_thread::yield();
   server.stop();
   reader.join();
   EXPECT_EQ(server.last_reason(), CancelReason::kShutdown);
