@@ -43,24 +43,9 @@ inline std::vector<StructureCase> tree_cases() {
   return trees;
 }
 
-/// A row of boxes with shared planes: every wall lies in planes of others.
-inline TriangleMesh box_city(int blocks, std::uint64_t seed) {
-  Random random(seed);
-  TriangleMesh city;
-  for (int i = 0; i < blocks * blocks; ++i) {
-    const Vec3f lower(float(i % blocks) * 2.F, 0.F, float(i / blocks) * 2.F);
-    const auto height = float(1 + random.below(6));
-    const TriangleMesh house = test::box(lower, lower + Vec3f(1.5F, height, 1.5F));
-    const auto first = std::uint32_t(city.positions.size());
-    city.positions.insert(city.positions.end(), house.positions.begin(), house.positions.end());
-    for (const auto& [a, b, c] : house.triangles) city.triangles.push_back({a + first, b + first, c + first});
-  }
-  return city;
-}
-
 inline std::vector<MeshCase> generated_meshes() {
   std::vector<MeshCase> meshes = blas::mesh_cases();
-  meshes.push_back({"box city", test::share(box_city(12, 3))});
+  meshes.push_back({"box city", test::share(test::box_city(12, 3))});
   meshes.push_back({"fine jittered icosphere", test::share(test::jittered_icosphere(5, 21))});
   meshes.push_back({"fine torus", test::share(test::torus(300, 60))});
   return meshes;

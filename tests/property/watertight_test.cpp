@@ -5,97 +5,33 @@
 #include <atomic>
 #include <iomanip>
 #include <map>
-#include <numbers>
 
 #include <gtest/gtest.h>
 #include <oneapi/tbb/parallel_for.h>
 
-#include "core/math/affine.h"
 #include "tests/property/meshes.h"
+#include "tests/support/closed_mesh.h"
 
 namespace gridcast::property {
 namespace {
 
 using blas::Blas;
+using test::Aim;
+using test::ClosedPlacement;
 
 constexpr std::size_t kRays = 20000;
-constexpr std::size_t kOrigins = 16;
 /// Brute force is a structure too, but only a small mesh can afford it.
 constexpr std::size_t kBruteForceTriangles = 500;
 
-/// How often the surface winds around `p`: the sum of the signed solid angles of its triangles over 4 pi,
-/// "The solid angle of a plane triangle", A. van Oosterom, 1983. An integer up to rounding for a closed mesh.
-double winding_number(const TriangleMesh& mesh, const Vec3d& p) {
-  double sum = 0.0;
-  for (std::uint32_t id = 0; id < mesh.triangle_count(); ++id) {
-    const auto corners = mesh.corners(id);
-    const Vec3d a = Vec3d(corners[0]) - p;
-    const Vec3d b = Vec3d(corners[1]) - p;
-    const Vec3d c = Vec3d(corners[2]) - p;
-    const double la = glm::length(a), lb = glm::length(b), lc = glm::length(c);
-    const double volume = glm::dot(a, glm::cross(b, c));
-    sum += std::atan2(volume, la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb);
-  }
-  return sum / (2.0 * std::numbers::pi);
-}
-
-enum class Aim { kEdge, kVertex };
-
-/// A closed mesh placed in the world, and points of the world that are inside.
-class Placement {
- public:
-  Placement(const TriangleMesh& mesh, double offset, std::uint64_t seed)
-      : mesh_(mesh), transform_(Affine{Mat3d(1.0), Vec3d(offset, -offset, offset)}) {
-    Random random(seed);
-    const double size = max_abs(to_double(mesh.bounds()).extent());
-    // Below a thousand doubles across, the world cannot tell the mesh's points apart.
-    if (size < 0x1p-42 * std::abs(offset)) return;
-    for (int attempt = 0; attempt < 400 && origins_.size() < kOrigins; ++attempt) {
-      const auto corners = mesh.corners(random.below(std::uint32_t(mesh.triangle_count())));
-      const Vec3d a(corners[0]), b(corners[1]), c(corners[2]);
-      const Vec3d normal = glm::cross((b - a) / size, (c - a) / size);
-      const double length = glm::length(normal);
-      if (!(length > 0.0)) continue;
-      const double depth =
-          size * std::pow(10.0, random.uniform(-7.0, -0.5)) * (attempt % 4 == 0 ? 1.0 : -1.0);
-      const Vec3d world = transform_.world_from_object().point((a + b + c) / 3.0 + depth * (normal / length));
-      // The rounded point is what the ray starts from, so that is what has to be inside.
-      const double winding = winding_number(mesh, transform_.point_to_object(world));
-      if (std::abs(winding) > 0.9 && std::abs(winding - std::round(winding)) < 0.01)
-        origins_.push_back(world);
-    }
-  }
-  [[nodiscard]] bool usable() const { return !origins_.empty(); }
-
-  /// In object space, as an instance would get it.
-  [[nodiscard]] Ray ray(Aim aim, Random& random) const {
-    const Vec3d& origin = origins_[random.below(std::uint32_t(origins_.size()))];
-    for (;;) {
-      const auto corners = mesh_.corners(random.below(std::uint32_t(mesh_.triangle_count())));
-      const std::uint32_t i = random.below(3);
-      const Vec3d a(corners[i]), b(corners[(i + 1) % 3]);
-      const double s = aim == Aim::kVertex ? 0.0 : random.uniform();
-      const Vec3d direction = transform_.world_from_object().point(a + s * (b - a)) - origin;
-      if (direction == Vec3d(0.0)) continue;
-      return {transform_.point_to_object(origin), transform_.vector_to_object(direction)};
-    }
-  }
-
- private:
-  const TriangleMesh& mesh_;
-  InstanceTransform transform_;
-  std::vector<Vec3d> origins_;
-};
-
 /// Rays that nothing stops; every second one asks for any hit, the others for the closest.
-std::size_t count_leaks(const Blas& blas, const Placement& placement, Aim aim, std::size_t rays,
+std::size_t count_leaks(const Blas& blas, const ClosedPlacement& placement, Aim aim, std::size_t rays,
                         std::uint64_t seed) {
   constexpr std::size_t kBlock = 1000;
   std::atomic<std::size_t> leaks = 0;
   tbb::parallel_for(std::size_t(0), (rays + kBlock - 1) / kBlock, [&](std::size_t block) {
     Random random(seed + block);
     for (std::size_t i = block * kBlock; i < std::min(rays, (block + 1) * kBlock); ++i) {
-      const blas::RayCase ray{placement.ray(aim, random)};
+      const blas::RayCase ray{placement.object_ray(aim, random)};
       const bool hit = i % 2 == 0 ? blas::any<Precision::kRobust>(blas, ray)
                                   : blas::closest<Precision::kRobust>(blas, ray).valid();
       leaks += std::size_t(!hit);
@@ -124,7 +60,7 @@ void check(const MeshCase& mesh_case, std::uint64_t seed, std::map<std::string, 
     built.push_back(Blas::build(mesh_case.mesh, structure.options).value());
 
   for (const double offset : {0.0, 1e6}) {
-    const Placement placement(*mesh_case.mesh, offset, seed);
+    const ClosedPlacement placement(*mesh_case.mesh, offset, seed);
     std::cout << std::left << std::setw(24) << mesh_case.name << " offset " << std::setw(7) << offset;
     if (!placement.usable()) {
       std::cout << " left out: too small for the doubles there\n";

@@ -157,6 +157,56 @@ TriangleMesh translated(TriangleMesh mesh, const Vec3f& offset) {
   return mesh;
 }
 
+TriangleMesh box_city(int blocks, std::uint64_t seed) {
+  Random random(seed);
+  TriangleMesh city;
+  for (int i = 0; i < blocks * blocks; ++i) {
+    const Vec3f lower(float(i % blocks) * 2.F, 0.F, float(i / blocks) * 2.F);
+    const auto height = float(1 + random.below(6));
+    const TriangleMesh house = box(lower, lower + Vec3f(1.5F, height, 1.5F));
+    const auto first = std::uint32_t(city.positions.size());
+    city.positions.insert(city.positions.end(), house.positions.begin(), house.positions.end());
+    for (const auto& [a, b, c] : house.triangles) city.triangles.push_back({a + first, b + first, c + first});
+  }
+  return city;
+}
+
+TriangleMesh voxel_boundary(int n, std::uint64_t seed) {
+  Random random(seed);
+  std::vector<bool> solid(std::size_t(n) * n * n);
+  for (auto&& cell : solid) cell = random.below(2) == 0;
+  const auto is_solid = [&](const glm::ivec3& c) {
+    for (int axis = 0; axis < 3; ++axis)
+      if (c[axis] < 0 || c[axis] >= n) return false;
+    return bool(solid[(std::size_t(c.z) * n + c.y) * n + c.x]);
+  };
+  TriangleMesh mesh;
+  const int side = n + 1;
+  for (int i = 0; i < side * side * side; ++i)
+    mesh.positions.push_back({float(i % side), float(i / side % side), float(i / (side * side))});
+  const auto vertex = [&](const glm::ivec3& p) { return std::uint32_t((p.z * side + p.y) * side + p.x); };
+  for (int i = 0; i < n * n * n; ++i) {
+    const glm::ivec3 cell(i % n, i / n % n, i / (n * n));
+    if (!is_solid(cell)) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      glm::ivec3 along(0), first(0), second(0);
+      along[axis] = first[(axis + 1) % 3] = second[(axis + 2) % 3] = 1;
+      for (const int way : {0, 1}) {
+        if (is_solid(cell + (way == 0 ? -along : along))) continue;
+        const glm::ivec3 corner = cell + way * along;
+        const std::uint32_t a = vertex(corner), b = vertex(corner + first), c = vertex(corner + first + second),
+                            d = vertex(corner + second);
+        if (way == 1) {
+          mesh.triangles.insert(mesh.triangles.end(), {{a, b, c}, {a, c, d}});
+        } else {
+          mesh.triangles.insert(mesh.triangles.end(), {{a, c, b}, {a, d, c}});
+        }
+      }
+    }
+  }
+  return mesh;
+}
+
 TriangleMesh repeated(const TriangleMesh& mesh, int copies) {
   TriangleMesh all = mesh;
   for (int i = 1; i < copies; ++i)

@@ -23,6 +23,12 @@ TriangleMesh soup(int triangles, std::uint64_t seed,
 TriangleMesh slivers(int triangles, std::uint64_t seed, float aspect);  ///< long thin random triangles
 TriangleMesh translated(TriangleMesh mesh, const Vec3f& offset);        ///< offset baked into the floats
 
+/// blocks^2 boxes with shared planes: every wall lies in planes of others.
+TriangleMesh box_city(int blocks, std::uint64_t seed);
+/// Closed: the faces between about half of n^3 unit cells, chosen at random, and the rest. Edges and vertices
+/// are shared by up to 8 and 24 triangles.
+TriangleMesh voxel_boundary(int n, std::uint64_t seed);
+
 /// `copies` of the same mesh in one: exact ties everywhere.
 TriangleMesh repeated(const TriangleMesh& mesh, int copies);
 
