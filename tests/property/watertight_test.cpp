@@ -18,6 +18,7 @@ namespace {
 using blas::Blas;
 using test::Aim;
 using test::ClosedPlacement;
+using test::winding_number;
 
 constexpr std::size_t kRays = 20000;
 /// Brute force is a structure too, but only a small mesh can afford it.

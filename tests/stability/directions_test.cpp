@@ -137,7 +137,8 @@ std::array<std::vector<double>, 3> kd_planes(const mesh::TriangleMesh& mesh) {
 // The same lattice of directions as RC01, starting on planes of the tree and running in them.
 TEST(Stability, RC33_KdPlaneWithoutDirection) {
   Row row(33, 16000);
-  const char* const specs[] = {"jittered_icosphere 3 33", "box_city 6 3", "coplanar_stack 6 4", "torus 24 16"};
+  const char* const specs[] = {"jittered_icosphere 3 33", "box_city 6 3", "coplanar_stack 6 4",
+                               "torus 24 16"};
   for (const char* spec : specs) {
     Subject subject(placed(generated(spec)));
     const mesh::TriangleMesh& mesh = *subject.spec().meshes[0].mesh;
@@ -181,12 +182,15 @@ TEST(Stability, RC20_EndsOfTheRange) {
   row.blocks(row.rays(), [&](test::Random& random, std::size_t count) {
     std::vector<Shot> shots;
     for (std::size_t i = 0; i < count; ++i) {
-      // Straight through the layers z = 0 ... 3 from a whole height, within a cell, at an edge or at a vertex.
+      // Straight through the layers z = 0 ... 3 from a whole height, within a cell, at an edge or at a
+      // vertex.
       const double height = double(random.below(9)) - 2.0;
       const double step = random.below(2) == 0 ? 1.0 : -1.0;
-      const double x = 0.5 * double(random.below(9)), y = random.below(2) == 0 ? 0.25 : double(random.below(5));
+      const double x = 0.5 * double(random.below(9)),
+                   y = random.below(2) == 0 ? 0.25 : double(random.below(5));
       const auto size = std::uint32_t(ends.size());
-      Shot shot{{{x, y, height}, {0.0, 0.0, step}, ends[random.below(size)], ends[random.below(size)]}, {}, {}};
+      Shot shot{
+          {{x, y, height}, {0.0, 0.0, step}, ends[random.below(size)], ends[random.below(size)]}, {}, {}};
       double first = kInfinity;
       for (int layer = 0; layer < kLayers; ++layer) {
         const double t = (layer - height) * step;

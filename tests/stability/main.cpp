@@ -10,7 +10,8 @@
 
 namespace {
 
-constexpr const char* kHelp = R"(One test for each row of the table of failure modes (tests/stability/README.md): Stability.RC01_... to RC44_...
+constexpr const char* kHelp =
+    R"(One test for each row of the table of failure modes (tests/stability/README.md): Stability.RC01_... to RC44_...
 
   --rays N       about N rays for each row in place of its own number: 1e9 for a long run
   --ledger FILE  appends a line of JSON for each row: row, rays, questions, failures, seed, upper_bound

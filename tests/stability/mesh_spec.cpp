@@ -18,7 +18,8 @@ using mesh::TriangleMesh;
 /// The numbers of one part of a spec.
 class Numbers {
  public:
-  Numbers(std::string part, std::vector<double> values) : part_(std::move(part)), values_(std::move(values)) {}
+  Numbers(std::string part, std::vector<double> values)
+      : part_(std::move(part)), values_(std::move(values)) {}
   [[nodiscard]] double operator[](std::size_t i) const {
     if (i >= values_.size()) throw std::invalid_argument("too few numbers in '" + part_ + "'");
     return values_[i];
@@ -63,12 +64,12 @@ TriangleMesh geometric(int triangles) {
   return mesh;
 }
 
-/// `layers` lattices of `cells`^2 quads at z = 0, 1, ...: every triangle lies in a plane that a tree may split at.
+/// `layers` lattices of `cells`^2 quads at z = 0, 1, ...: every triangle lies in a plane that a tree may
+/// split at.
 TriangleMesh coplanar_stack(int layers, int cells) {
   TriangleMesh all;
   for (int layer = 0; layer < layers; ++layer) {
-    const TriangleMesh one =
-        test::translated(test::quad_grid(cells, float(cells)), {0.F, 0.F, float(layer)});
+    const TriangleMesh one = test::translated(test::quad_grid(cells, float(cells)), {0.F, 0.F, float(layer)});
     const auto first = std::uint32_t(all.positions.size());
     all.positions.insert(all.positions.end(), one.positions.begin(), one.positions.end());
     for (const auto& [a, b, c] : one.triangles) all.triangles.push_back({a + first, b + first, c + first});
@@ -130,8 +131,7 @@ const std::map<std::string, Change>& changes() {
        [](TriangleMesh& mesh, const Numbers&) {
          for (Vec3f& p : mesh.positions) p = {p.y, p.z, p.x};
        }},
-      {"repeat",
-       [](TriangleMesh& mesh, const Numbers& n) { mesh = test::repeated(mesh, n.integer(0)); }},
+      {"repeat", [](TriangleMesh& mesh, const Numbers& n) { mesh = test::repeated(mesh, n.integer(0)); }},
       {"shuffle", [](TriangleMesh& mesh, const Numbers& n) { shuffle(mesh, n.seed(0)); }},
       {"shrink", [](TriangleMesh& mesh, const Numbers& n) { shrink(mesh, n.seed(0)); }},
   };

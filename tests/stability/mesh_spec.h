@@ -16,7 +16,8 @@ namespace gridcast::stability {
 /// slivers TRIANGLES SEED ASPECT; voxels N SEED; organic TRIANGLES SEED; flat TRIANGLES SEED;
 /// box_city BLOCKS SEED; concentric TRIANGLES; geometric TRIANGLES; coplanar_stack LAYERS CELLS.
 /// Changes: scale x y z; translate x y z (both in float); swap (x, y, z become y, z, x); repeat COPIES;
-/// shuffle SEED (the order of the triangles); shrink SEED (every triangle gets a size of its own, 1 to 2^-40).
+/// shuffle SEED (the order of the triangles); shrink SEED (every triangle gets a size of its own, 1 to
+/// 2^-40).
 ///
 /// Throws std::invalid_argument for anything else: a spec is written by us.
 [[nodiscard]] mesh::TriangleMesh make_mesh(const std::string& spec);

@@ -38,7 +38,8 @@ Row::~Row() {
   std::string told;
   for (const std::string& message : messages_) told += "\n  " + message;
   EXPECT_EQ(failures_, 0U) << name_ << " failed with seed " << seed_ << ':' << told;
-  std::cout << name_ << ": " << shot_ << " rays, " << questions_ << " questions, " << failures_ << " failures";
+  std::cout << name_ << ": " << shot_ << " rays, " << questions_ << " questions, " << failures_
+            << " failures";
   if (failures_ == 0 && shot_ != 0) std::cout << " (below " << 3.0 / double(shot_) << " a ray)";
   std::cout << '\n';
   write_ledger();
@@ -69,8 +70,8 @@ void Row::save(const SceneSpec& scene, const Shot& shot, const std::string& what
 
 void Row::write_ledger() const {
   if (options().ledger.empty()) return;
-  nlohmann::ordered_json line = {{"row", name_},           {"rays", shot_}, {"questions", questions_},
-                                 {"failures", failures_}, {"seed", seed_}};
+  nlohmann::ordered_json line = {
+      {"row", name_}, {"rays", shot_}, {"questions", questions_}, {"failures", failures_}, {"seed", seed_}};
   // No failure in N rays: the rate is below 3 / N with 95 % confidence.
   line["upper_bound"] = failures_ == 0 && shot_ != 0 ? nlohmann::ordered_json(3.0 / double(shot_)) : nullptr;
   std::ofstream(options().ledger, std::ios::app) << line.dump() << '\n';

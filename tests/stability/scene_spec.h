@@ -42,7 +42,7 @@ struct Expectation {
 
   Kind kind = Kind::kAgreement;
   PrimitiveRef primitive = {};  ///< of a hit; none = any
-  double t = kAny;         ///< of a hit
+  double t = kAny;              ///< of a hit
   /// How far t may be off, and how much farther than the named primitive another one may be that is reported
   /// in its place. Precision::kExact reports the named one whatever this is.
   double slack = 0.0;
@@ -70,9 +70,9 @@ struct Shot {
 ///     mesh                               written out:
 ///     v 0x1p+0 0x0p+0 0x0p+0
 ///     f 0 1 2
-///     instance 0                         of mesh 0 where it is, or with 12 numbers: x, y, z axis, translation
-///     ray ox oy oz dx dy dz tnear tfar   and, where a primitive is left out, its instance and number
-///     expect hit 0 7                     or: agreement, miss, invalid, hit, hit I P T SLACK
+///     instance 0                         of mesh 0 where it is, or with 12 numbers: x, y, z axis,
+///     translation ray ox oy oz dx dy dz tnear tfar   and, where a primitive is left out, its instance and
+///     number expect hit 0 7                     or: agreement, miss, invalid, hit, hit I P T SLACK
 struct CaseFile {
   std::string what;
   std::string source;

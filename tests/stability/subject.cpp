@@ -54,7 +54,8 @@ bool same_bits(const Vec3d& a, const Vec3d& b) {
 /// Nothing in an answer is NaN or out of its range.
 bool sane(const SurfaceHit& hit, const Ray& ray) {
   if (hit.status != RayStatus::kHit)
-    return (hit.status == RayStatus::kMiss || hit.status == RayStatus::kInvalid) && hit.primitive_id == kInvalidId;
+    return (hit.status == RayStatus::kMiss || hit.status == RayStatus::kInvalid) &&
+           hit.primitive_id == kInvalidId;
   const bool weights = hit.u >= 0.0 && hit.v >= 0.0 && hit.u + hit.v <= 1.0 + 0x1p-20;
   return std::isfinite(hit.t) && hit.t >= ray.tnear && hit.t <= ray.tfar && weights &&
          std::abs(glm::length(hit.normal) - 1.0) < 1e-9;
@@ -102,8 +103,8 @@ std::string describe(const SurfaceHit& hit) {
   if (hit.status == RayStatus::kMiss) return "a miss";
   if (hit.status == RayStatus::kInvalid) return "invalid";
   std::ostringstream text;
-  text << std::setprecision(17) << "instance " << hit.instance_id << " primitive " << hit.primitive_id << " at t "
-       << hit.t << " u " << hit.u << " v " << hit.v;
+  text << std::setprecision(17) << "instance " << hit.instance_id << " primitive " << hit.primitive_id
+       << " at t " << hit.t << " u " << hit.u << " v " << hit.v;
   return text.str();
 }
 
@@ -132,9 +133,11 @@ class Subject::Asking {
   void judge(Precision precision, const std::vector<SurfaceHit>& hits) {
     for (std::size_t i = 0; i < hits.size(); ++i) {
       const Shot& shot = shots_[i];
-      if (!sane(hits[i], shot.ray)) report(i, std::string(to_string(precision)) + " answers " + describe(hits[i]));
+      if (!sane(hits[i], shot.ray))
+        report(i, std::string(to_string(precision)) + " answers " + describe(hits[i]));
       // Fast promises that hits lie near their triangle, not that there are any.
-      const bool promised = precision != Precision::kFast || shot.expected.kind == Expectation::Kind::kInvalid;
+      const bool promised =
+          precision != Precision::kFast || shot.expected.kind == Expectation::Kind::kInvalid;
       if (promised && !as_expected(hits[i], shot.expected)) {
         report(i, std::string(to_string(precision)) + " answers " + describe(hits[i]) + ", not as " +
                       in_words(shot.expected));
@@ -155,7 +158,8 @@ class Subject::Asking {
         Expectation expected = shots_[i].expected;
         if (expected.kind == Expectation::Kind::kHit) expected = Expectation::hit();
         hits[i].status = (*any)[i];
-        if (!as_expected(hits[i], expected)) report(i, structure.name + " any, batch answers " + describe(hits[i]));
+        if (!as_expected(hits[i], expected))
+          report(i, structure.name + " any, batch answers " + describe(hits[i]));
       }
     } else {
       trace.fields = HitField::kInstanceId | HitField::kPrimitiveId;

@@ -27,7 +27,8 @@ TEST(Stability, RC10_RayInTheTrianglesPlane) {
   constexpr std::size_t kRaysPerTriangle = 60;
   row.blocks(row.rays() / kRaysPerTriangle + 1, [&](test::Random& random, std::size_t count) {
     for (std::size_t k = 0; k < count; ++k) {
-      const Vec3d p0 = whole_vector(random, 9), first = whole_vector(random, 9), second = whole_vector(random, 9);
+      const Vec3d p0 = whole_vector(random, 9), first = whole_vector(random, 9),
+                  second = whole_vector(random, 9);
       if (glm::cross(first, second) == Vec3d(0.0)) continue;
       const float scale = std::ldexp(1.F, int(random.below(41)) - 20);
       TriangleMesh mesh;
@@ -37,7 +38,8 @@ TEST(Stability, RC10_RayInTheTrianglesPlane) {
       std::vector<Shot> shots;
       while (shots.size() < kRaysPerTriangle) {
         const double a = 0.25 * double(random.below(13)) - 1.0, b = 0.25 * double(random.below(13)) - 1.0;
-        const double ways[][2] = {{1, 0}, {0, 1}, {1, -1}, {-1, 2}, {0.5, 0.25}, {double(random.below(7)) - 3.0, 1}};
+        const double ways[][2] = {{1, 0},  {0, 1},      {1, -1},
+                                  {-1, 2}, {0.5, 0.25}, {double(random.below(7)) - 3.0, 1}};
         const auto& way = ways[random.below(6)];  // the first three along a side
         const double sign = random.below(2) == 0 ? 1.0 : -1.0;
         Shot shot{{double(scale) * (p0 + a * first + b * second), sign * (way[0] * first + way[1] * second)},
@@ -57,12 +59,9 @@ void add_degenerate(TriangleMesh& mesh, test::Random& random) {
   const auto first = std::uint32_t(mesh.positions.size());
   const Vec3f a = lattice(), b = lattice();
   mesh.positions.insert(mesh.positions.end(), {a, b, 0.5F * a + 0.5F * b});
-  const mesh::Triangle kinds[] = {{first, first, first},
-                                  {first, first + 1, first},
-                                  {first, first, first + 1},
-                                  {first, first + 1, first + 1},
-                                  {first, first + 1, first + 2},
-                                  {first + 2, first, first + 1}};
+  const mesh::Triangle kinds[] = {{first, first, first},         {first, first + 1, first},
+                                  {first, first, first + 1},     {first, first + 1, first + 1},
+                                  {first, first + 1, first + 2}, {first + 2, first, first + 1}};
   mesh.triangles.push_back(kinds[random.below(6)]);
 }
 
@@ -114,7 +113,8 @@ TEST(Stability, RC13_ExactTies) {
       SceneSpec twice = placed(source);
       twice.instances.push_back({});
       const Subject subject(std::move(twice));
-      row.blocks(row.rays(8) * 10 / std::size_t(copies > 1000 ? 200 : 10), [&](test::Random& random, std::size_t count) {
+      row.blocks(row.rays(8) * 10 / std::size_t(copies > 1000 ? 200 : 10), [&](test::Random& random,
+                                                                               std::size_t count) {
         std::vector<Shot> shots;
         for (std::size_t i = 0; i < count; ++i) {
           const double x = double(random.below(65)) / 64.0, y = double(random.below(65)) / 64.0;
@@ -127,7 +127,8 @@ TEST(Stability, RC13_ExactTies) {
         // After a refit and after a rebuild too.
         const auto& data = subject.spec().meshes[0].mesh->positions;
         for (const auto mode : {scene::UpdateMode::kRefit, scene::UpdateMode::kRebuild}) {
-          const auto updated = scene::apply_update(subject.scene(), {scene::ReplaceVertices{0, data, {}, mode}});
+          const auto updated =
+              scene::apply_update(subject.scene(), {scene::ReplaceVertices{0, data, {}, mode}});
           ASSERT_TRUE(updated.ok());
           for (const Shot& shot : shots) {
             const SurfaceHit hit = scene::intersect(*updated->scene, shot.ray);

@@ -50,8 +50,8 @@ TEST(Stability, RC06_RaysThroughVertices) {
   expect_no_leak(row, "needle_fan 20000", 0.0, row.rays(2000), Aim::kVertex);
 }
 
-// A third of the rays: offsets baked into the mesh's floats, where nothing is culled. The others: a small mesh
-// that its instance moves, where the offset costs nothing.
+// A third of the rays: offsets baked into the mesh's floats, where nothing is culled. The others: a small
+// mesh that its instance moves, where the offset costs nothing.
 TEST(Stability, RC15_LargeOffsets) {
   Row row(15, 24000);
   const double offsets[] = {1e3, 1e6, 1e9, 1e12};
@@ -83,7 +83,8 @@ TEST(Stability, RC15_OffsetsOfInstancesCostNothing) {
         // Multiples of 2^-12 stay what they are at 1e12.
         const Vec3d origin = glm::round(random.in_box(2.0) * 0x1p12) * 0x1p-12;
         const auto corners = source.mesh->corners(random.below(std::uint32_t(source.mesh->triangle_count())));
-        const Vec3d direction = Vec3d(corners[0]) + random.uniform() * Vec3d(corners[1] - corners[0]) - origin;
+        const Vec3d direction =
+            Vec3d(corners[0]) + random.uniform() * Vec3d(corners[1] - corners[0]) - origin;
         if (direction == Vec3d(0.0)) continue;
         near.push_back({{origin, direction}, {}, {}});
         far.push_back({{origin + away, direction}, {}, {}});
@@ -93,8 +94,9 @@ TEST(Stability, RC15_OffsetsOfInstancesCostNothing) {
       for (const Precision precision : kPrecisions)
         for (std::size_t i = 0; i < near.size(); ++i)
           if (!same_bits(got.of(precision)[i], expected.of(precision)[i]))
-            row.fail(there.spec(), far[i], "at the offset " + describe(got.of(precision)[i]) + ", here " +
-                                               describe(expected.of(precision)[i]));
+            row.fail(there.spec(), far[i],
+                     "at the offset " + describe(got.of(precision)[i]) + ", here " +
+                         describe(expected.of(precision)[i]));
     });
   }
 }
@@ -123,11 +125,13 @@ TEST(Stability, RC25_EdgesAcrossInstances) {
   row.blocks(row.rays(), [&](test::Random& random, std::size_t count) {
     std::vector<Shot> shots, small;
     for (std::size_t i = 0; i < count; ++i) {
-      // At a vertex or an edge inside of the square; origins that tiles can subtract their place from exactly.
+      // At a vertex or an edge inside of the square; origins that tiles can subtract their place from
+      // exactly.
       const double x = 1.0 + random.below(kTiles - 1);
-      const double y = random.below(2) == 0 ? 1.0 + random.below(kTiles - 1) : random.uniform(1.0, kTiles - 1.0);
-      const Vec3d origin = glm::round(Vec3d(random.uniform(0.0, 64.0), random.uniform(0.0, 64.0), 20.0) * 0x1p10) *
-                           0x1p-10;
+      const double y =
+          random.below(2) == 0 ? 1.0 + random.below(kTiles - 1) : random.uniform(1.0, kTiles - 1.0);
+      const Vec3d origin =
+          glm::round(Vec3d(random.uniform(0.0, 64.0), random.uniform(0.0, 64.0), 20.0) * 0x1p10) * 0x1p-10;
       const Vec3d target = random.below(2) == 0 ? Vec3d(x, y, 0.0) : Vec3d(y, x, 0.0);
       shots.push_back({{origin, target - origin}, {}, Expectation::hit()});
       small.push_back({{0.1 * origin, 0.1 * target - 0.1 * origin}, {}, {}});
@@ -145,11 +149,13 @@ TEST(Stability, RC25_EdgesAcrossInstances) {
 // Two sides of a square, tessellated differently: what is a gap in the floats is a miss, nothing is healed.
 TEST(Stability, RC08_TJunctions) {
   Row row(8, 6000);
-  // Left of x = 0 one triangle along the side from (0,0,0) to (0,1,0), right of it two, which meet at (0, 0.5, 0)
-  // exactly (no gap) or at a point pushed to either side by 2^-20 (a gap or an overlap as wide as that).
+  // Left of x = 0 one triangle along the side from (0,0,0) to (0,1,0), right of it two, which meet at (0,
+  // 0.5, 0) exactly (no gap) or at a point pushed to either side by 2^-20 (a gap or an overlap as wide as
+  // that).
   for (const float push : {0.F, 0x1p-20F, -0x1p-20F}) {
     mesh::TriangleMesh mesh;
-    mesh.positions = {{0, 0, 0}, {0, 1, 0}, {-1, 0.5F, 0}, {0, 0, 0}, {push, 0.5F, 0}, {0, 1, 0}, {1, 0.5F, 0}};
+    mesh.positions = {{0, 0, 0},       {0, 1, 0}, {-1, 0.5F, 0}, {0, 0, 0},
+                      {push, 0.5F, 0}, {0, 1, 0}, {1, 0.5F, 0}};
     mesh.triangles = {{0, 1, 2}, {3, 6, 4}, {4, 6, 5}};
     Subject subject(placed(given(mesh)));
     row.blocks(row.rays(3), [&](test::Random& random, std::size_t count) {
@@ -159,8 +165,8 @@ TEST(Stability, RC08_TJunctions) {
         // x = push * 2 min(y, 1 - y).
         const double y = double(1 + random.below(1023)) * 0x1p-10;
         const double border = 2.0 * double(push) * std::min(y, 1.0 - y);
-        const double steps[] = {0.0, border, 0.5 * border, 2.0 * border, border + 0x1p-60, border - 0x1p-60,
-                                0x1p-60, -0x1p-60};
+        const double steps[] = {
+            0.0, border, 0.5 * border, 2.0 * border, border + 0x1p-60, border - 0x1p-60, 0x1p-60, -0x1p-60};
         const double x = steps[random.below(8)];
         const bool left = x <= 0.0, right = x >= border;
         const Expectation expected =

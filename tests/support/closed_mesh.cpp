@@ -36,13 +36,11 @@ ClosedPlacement::ClosedPlacement(const mesh::TriangleMesh& mesh, double offset, 
     const Vec3d normal = glm::cross((b - a) / size, (c - a) / size);
     const double length = glm::length(normal);
     if (!(length > 0.0)) continue;
-    const double depth =
-        size * std::pow(10.0, random.uniform(-7.0, -0.5)) * (attempt % 4 == 0 ? 1.0 : -1.0);
+    const double depth = size * std::pow(10.0, random.uniform(-7.0, -0.5)) * (attempt % 4 == 0 ? 1.0 : -1.0);
     const Vec3d world = transform_.world_from_object().point((a + b + c) / 3.0 + depth * (normal / length));
     // The rounded point is what the ray starts from, so that is what has to be inside.
     const double winding = winding_number(mesh, transform_.point_to_object(world));
-    if (std::abs(winding) > 0.9 && std::abs(winding - std::round(winding)) < 0.01)
-      origins_.push_back(world);
+    if (std::abs(winding) > 0.9 && std::abs(winding - std::round(winding)) < 0.01) origins_.push_back(world);
   }
 }
 Ray ClosedPlacement::world_ray(Aim aim, Random& random) const {

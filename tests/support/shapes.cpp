@@ -194,8 +194,8 @@ TriangleMesh voxel_boundary(int n, std::uint64_t seed) {
       for (const int way : {0, 1}) {
         if (is_solid(cell + (way == 0 ? -along : along))) continue;
         const glm::ivec3 corner = cell + way * along;
-        const std::uint32_t a = vertex(corner), b = vertex(corner + first), c = vertex(corner + first + second),
-                            d = vertex(corner + second);
+        const std::uint32_t a = vertex(corner), b = vertex(corner + first),
+                            c = vertex(corner + first + second), d = vertex(corner + second);
         if (way == 1) {
           mesh.triangles.insert(mesh.triangles.end(), {{a, b, c}, {a, c, d}});
         } else {
