@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <mutex>
 #include <new>
 #include <utility>
 
@@ -12,6 +13,7 @@
 #include "core/blas/embree_tree.h"
 #include "core/blas/kd_tree.h"
 #include "core/blas/wide_bvh.h"
+#include "core/mesh/topology.h"
 
 namespace gridcast::blas {
 namespace {
@@ -58,6 +60,12 @@ Error out_of_memory() {
 
 }  // namespace
 
+/// What it costs a pass over the mesh to know.
+struct Blas::Inside {
+  std::once_flag looked;
+  bool has_inside = false;
+};
+
 Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const BuildOptions& options,
                          std::stop_token stop) try {
   const auto start = std::chrono::steady_clock::now();
@@ -85,6 +93,7 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
   if (!status) return status.error();
 
   blas.mesh_ = std::move(mesh);
+  blas.inside_ = std::make_shared<Inside>();
   blas.bounds_ = blas.mesh_->bounds();
   blas.options_ = options;
   blas.stats_.kind = choice.kind;
@@ -129,6 +138,7 @@ Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const 
   if (!status) return status.error();
 
   blas.mesh_ = std::move(moved);
+  blas.inside_ = std::make_shared<Inside>();
   // Every box was just drawn: no need to look at every vertex again.
   const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&blas.structure_);
   blas.bounds_ = wide != nullptr ? (*wide)->root_bounds() : blas.mesh_->bounds();
@@ -179,6 +189,15 @@ template bool Blas::occluded<Precision::kFast>(const mesh::ObjectRay&, double) c
 template bool Blas::occluded<Precision::kRobust>(const mesh::ObjectRay&, double) const;
 template void Blas::intersect_every<Precision::kFast>(const mesh::ObjectRay&, HitSink&) const;
 template void Blas::intersect_every<Precision::kRobust>(const mesh::ObjectRay&, HitSink&) const;
+
+void Blas::search(PointSink& sink) const {
+  std::visit([&](const auto& structure) { structure->search(*mesh_, sink); }, structure_);
+}
+
+bool Blas::has_inside() const {
+  std::call_once(inside_->looked, [this] { inside_->has_inside = mesh::has_inside(*mesh_); });
+  return inside_->has_inside;
+}
 
 bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);

@@ -24,6 +24,7 @@ class WideBvh;
 class KdTree;
 class EmbreeTree;
 class HitSink;
+class PointSink;
 
 /// kAuto picks by a stated cost model: brute force for a handful of triangles, else the wide BVH, or a
 /// kd-tree where boxes overlap so much that it costs less. kBvh is the binary one: half the memory, a third
@@ -103,6 +104,11 @@ class Blas {
   template <Precision kPrecision>
   void intersect_every(const mesh::ObjectRay& ray, HitSink& sink) const;
 
+  /// Offers the triangles around sink.center(), a point of object space: see PointSink.
+  void search(PointSink& sink) const;
+  /// Whether the mesh has an inside (mesh::has_inside). Found out when first asked, once for all copies.
+  [[nodiscard]] bool has_inside() const;
+
   /// Whether this structure traces packets at all.
   [[nodiscard]] bool has_packets() const;
   /// intersect() or occluded() for the rays of a packet, lane by lane the same answers; best[lane].t starts
@@ -128,6 +134,8 @@ class Blas {
 
   std::shared_ptr<const mesh::TriangleMesh> mesh_;
   Structure structure_;
+  struct Inside;
+  std::shared_ptr<Inside> inside_;
   Bounds3f bounds_;
   BuildOptions options_;
   StructureStats stats_;

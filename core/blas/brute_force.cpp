@@ -40,6 +40,11 @@ template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh
 template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                         HitSink&) const;
 
+void BruteForce::search(const mesh::TriangleMesh& mesh, PointSink& sink) const {
+  for (std::uint32_t id = 0; id < mesh.triangle_count(); ++id)
+    if (squared_distance(sink.center(), mesh.triangle_bounds(id)) <= sink.limit()) sink.offer(id);
+}
+
 Status BruteForce::validate(const mesh::TriangleMesh& mesh) const {
   if (mesh.triangle_count() == triangle_count_) return ok_status();
   return Error{ErrorCode::kInternal,

@@ -9,6 +9,7 @@
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
 #include "core/blas/collector.h"
+#include "core/blas/point_sink.h"
 
 namespace gridcast::blas {
 
@@ -25,6 +26,9 @@ class Bvh {
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>
   bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
+
+  /// Offers the triangles around sink.center(); see PointSink.
+  void search(const mesh::TriangleMesh& mesh, PointSink& sink) const;
 
   /// Boxes contain their children and triangles, every triangle is in one leaf, links are in range, depth is
   /// bounded. The error's `where` names the node (`/nodes/17`).

@@ -98,6 +98,34 @@ void on_occluded(const RTCOccludedFunctionNArguments* args) {
   reinterpret_cast<RTCRay*>(args->ray)->tfar = kEndsRay;
 }
 
+/// Room for the rounding of float centres, boxes and squares, relative to the largest coordinate; the boxes
+/// have their own pad on top.
+constexpr double kPointSlack = 0x1p-20;
+/// Beyond it Embree's squares come near the end of float.
+constexpr double kMaxPoint = 1e18;
+
+struct PointSearch {
+  PointSink& sink;
+  double slack;
+
+  /// The radius for Embree, rounded up.
+  [[nodiscard]] float radius() const {
+    constexpr auto kInfinity = std::numeric_limits<float>::infinity();
+    const double padded = sink.radius() * (1.0 + kPointSlack) + slack;
+    return padded < double(std::numeric_limits<float>::max()) ? std::nextafter(float(padded), kInfinity)
+                                                              : kInfinity;
+  }
+};
+
+bool on_point(RTCPointQueryFunctionArguments* args) {
+  const PointSearch& search = *static_cast<const PointSearch*>(args->userPtr);
+  search.sink.offer(args->primID);
+  const float radius = search.radius();
+  if (!(radius < args->query->radius)) return false;
+  args->query->radius = radius;
+  return true;
+}
+
 struct BoundsData {
   const mesh::TriangleMesh* mesh;
   float pad;
@@ -278,6 +306,21 @@ template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh
                                                         AnyHit&) const;
 template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                         HitSink&) const;
+
+void EmbreeTree::search(const mesh::TriangleMesh& /*mesh*/, PointSink& sink) const {
+  if (scene_->scene == nullptr) return;
+  const double size = max_abs(sink.center()) + double(scene_->bounds.magnitude());
+  if (!(size <= kMaxPoint)) {
+    for (std::uint32_t id = 0; id < scene_->triangle_count; ++id) sink.offer(id);
+    return;
+  }
+  PointSearch search{sink, kPointSlack * size + kPadFloor};
+  const Vec3f center(sink.center());
+  RTCPointQuery query{center.x, center.y, center.z, 0.F, search.radius()};
+  RTCPointQueryContext context;
+  rtcInitPointQueryContext(&context);
+  rtcPointQuery(scene_->scene, &query, &context, on_point, &search);
+}
 
 Status EmbreeTree::validate(const mesh::TriangleMesh& mesh) const {
   if (mesh.triangle_count() != scene_->triangle_count) {

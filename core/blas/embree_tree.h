@@ -7,6 +7,7 @@
 
 #include "core/blas/blas.h"
 #include "core/blas/collector.h"
+#include "core/blas/point_sink.h"
 
 namespace gridcast::blas {
 
@@ -26,6 +27,9 @@ class EmbreeTree {
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>
   bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
+
+  /// Offers the triangles around sink.center(); see PointSink.
+  void search(const mesh::TriangleMesh& mesh, PointSink& sink) const;
 
   /// Embree's nodes cannot be seen from outside: checks the box of all, and for up to kMaxProbes triangles
   /// that a ray which starts on one is led to it.

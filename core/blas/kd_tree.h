@@ -7,6 +7,7 @@
 #include "core/blas/blas.h"
 #include "core/blas/collector.h"
 #include "core/blas/kd_treelet.h"
+#include "core/blas/point_sink.h"
 
 namespace gridcast::blas {
 
@@ -23,6 +24,9 @@ class KdTree {
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>
   bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
+
+  /// Offers the triangles around sink.center(); see PointSink.
+  void search(const mesh::TriangleMesh& mesh, PointSink& sink) const;
 
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;

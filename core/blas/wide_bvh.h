@@ -9,6 +9,7 @@
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
 #include "core/blas/collector.h"
+#include "core/blas/point_sink.h"
 #include "core/blas/ray_packet.h"
 #include "core/blas/triangle_block.h"
 #include "core/blas/uninitialized_allocator.h"
@@ -75,6 +76,9 @@ class WideBvh {
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>
   bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
+
+  /// Offers the triangles around sink.center(); see PointSink.
+  void search(const mesh::TriangleMesh& mesh, PointSink& sink) const;
 
   /// The same for a packet: best[lane] as `intersect` would leave it, lane by lane. `bounds` are the mesh's.
   template <Precision kPrecision, bool kAnyHit>

@@ -5,8 +5,11 @@ namespace {
 
 // 6 products of three factors, two of them two-term sums: 2 * 2 * 2 * 2 terms each.
 using SideExpansion = Expansion<96>;
+// The same with three two-term sums.
+using OrientationExpansion = Expansion<192>;
 
-void add_product(SideExpansion& sum, double a, double b, double c) {
+template <std::size_t kCapacity>
+void add_product(Expansion<kCapacity>& sum, double a, double b, double c) {
   if (a == 0.0 || b == 0.0 || c == 0.0) return;
   const TwoTerm bc = two_product(b, c);
   const TwoTerm low = two_product(a, bc.low);
@@ -17,7 +20,8 @@ void add_product(SideExpansion& sum, double a, double b, double c) {
   sum.add(high.high);
 }
 
-void add_product(SideExpansion& sum, double a, const TwoTerm& b, const TwoTerm& c) {
+template <std::size_t kCapacity>
+void add_product(Expansion<kCapacity>& sum, double a, const TwoTerm& b, const TwoTerm& c) {
   add_product(sum, a, b.low, c.low);
   add_product(sum, a, b.low, c.high);
   add_product(sum, a, b.high, c.low);
@@ -39,6 +43,24 @@ double exact_side(const Vec3d& d, const Vec3d& o, const Vec3d& p, const Vec3d& q
     const int last = (axis + 2) % 3;
     add_product(sum, d[axis], a[next], b[last]);
     add_product(sum, -d[axis], a[last], b[next]);
+  }
+  return sum.value();
+}
+
+double exact_orientation(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& o) {
+  TwoTerm from_o[3][3];
+  const Vec3d* corners[3] = {&a, &b, &c};
+  for (int corner = 0; corner < 3; ++corner)
+    for (int axis = 0; axis < 3; ++axis)
+      from_o[corner][axis] = two_difference((*corners[corner])[axis], o[axis]);
+  OrientationExpansion sum;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int next = (axis + 1) % 3;
+    const int last = (axis + 2) % 3;
+    for (const double x : {from_o[0][axis].low, from_o[0][axis].high}) {
+      add_product(sum, x, from_o[1][next], from_o[2][last]);
+      add_product(sum, -x, from_o[1][last], from_o[2][next]);
+    }
   }
   return sum.value();
 }

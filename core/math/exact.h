@@ -70,4 +70,8 @@ class Expansion {
 /// d passes.
 [[nodiscard]] double exact_side(const Vec3d& d, const Vec3d& o, const Vec3d& p, const Vec3d& q);
 
+/// (a - o) . ((b - o) x (c - o)) within 1 ulp, sign exact: on which side of the plane through a, b and c the
+/// point o lies. Positive when it is behind the side from which a, b, c run counter-clockwise.
+[[nodiscard]] double exact_orientation(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Vec3d& o);
+
 }  // namespace gridcast

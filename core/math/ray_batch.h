@@ -94,7 +94,7 @@ struct HitColumns {
 
   /// Writes row i; each row is written by one thread.
   void set(std::size_t i, const SurfaceHit& hit) {
-    status[i] = hit.status;
+    if (!status.empty()) status[i] = hit.status;
     t[i] = hit.t;
     if (!uv.empty()) {
       uv[2 * i] = float(hit.u);

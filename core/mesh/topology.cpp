@@ -130,4 +130,17 @@ TopologyReport analyse_topology(const TriangleMesh& mesh) {
   return report;
 }
 
+bool has_inside(const TriangleMesh& mesh) {
+  const std::vector<Side> sides = collect_sides(mesh, weld_vertices(mesh));
+  for (std::size_t first = 0; first < sides.size();) {
+    std::ptrdiff_t balance = 0;
+    std::size_t last = first;
+    for (; last < sides.size() && sides[last].edge == sides[first].edge; ++last)
+      balance += sides[last].forward ? 1 : -1;
+    if (balance != 0) return false;
+    first = last;
+  }
+  return !sides.empty();
+}
+
 }  // namespace gridcast::mesh

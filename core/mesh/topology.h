@@ -25,6 +25,11 @@ struct TopologyReport {
 /// Counts only; the mesh that is cast keeps every face whatever the report says.
 [[nodiscard]] TopologyReport analyse_topology(const TriangleMesh& mesh);
 
+/// Whether the mesh has an inside: along every edge as many faces run one way as the other, vertices at
+/// exactly equal positions counted as one. Then every point off the surface has a winding number. Stricter
+/// than `closed` about the orientation, laxer about edges of four or more faces.
+[[nodiscard]] bool has_inside(const TriangleMesh& mesh);
+
 /// Unit vertex normals, angle-weighted over the faces around each vertex, one per position; vertices
 /// without a face with area get {0, 0, 1}. Vertices at equal positions are smoothed together.
 [[nodiscard]] std::vector<Vec3f> smooth_normals(const TriangleMesh& mesh);

@@ -12,6 +12,7 @@
 #include "core/math/bounds.h"
 #include "core/math/ray.h"
 #include "core/tlas/instance_box.h"
+#include "core/tlas/near_visitor.h"
 #include "core/tlas/uniform_grid.h"
 #include "core/tlas/world_ray.h"
 
@@ -76,6 +77,16 @@ class TopLevel {
     traverse_all(ray, far, {&visit, call, prefetch});
   }
 
+  /// Calls `visit(instance_id)` once for every instance whose box comes within `radius` of the point, roughly
+  /// from near to far. `visit` returns the largest distance still of interest, which narrows the radius.
+  template <class Visit>
+  void search(const Vec3d& point, double radius, const Visit& visit) const {
+    const auto call = [](const void* object, std::uint32_t id) -> double {
+      return (*static_cast<const Visit*>(object))(id);
+    };
+    search_all(point, radius, {&visit, call});
+  }
+
   [[nodiscard]] const Bounds3d& bounds() const { return bounds_; }  ///< holds every box
   [[nodiscard]] std::size_t slots() const { return boxes_.size(); }
   [[nodiscard]] const InstanceBox& box(std::uint32_t instance_id) const { return boxes_[instance_id]; }
@@ -94,6 +105,7 @@ class TopLevel {
   void replace(const BoxChange& change, std::vector<RangeChange>& range_changes);
 
   void traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const;
+  void search_all(const Vec3d& point, double radius, const NearVisitor& visitor) const;
   void build_grid();
 
   BoxTable boxes_;
