@@ -1,0 +1,12 @@
+#pragma once
+
+#include "core/measure/exact/reference.h"
+#include "core/scene/scene_data.h"
+
+namespace gridcast::measure {
+
+/// The exact reference of a scene's data, whose meshes it keeps pointing at. Instances with an inactive
+/// transform cannot be hit, by rule, so they are left out. Errors: those of exact::Reference::build.
+[[nodiscard]] Result<exact::Reference> reference_of(const scene::SceneData& data);
+
+}  // namespace gridcast::measure
