@@ -70,6 +70,17 @@ void write_scalars(JsonText& text, std::string_view name, const std::vector<RayS
   write_column(text, name, status, [&](std::size_t i) { text.number(values[i]); });
 }
 
+/// An infinite bound, which JSON has no number for, is null.
+void write_bounds(JsonText& text, std::string_view name, const std::vector<RayStatus>& status,
+                  const std::vector<double>& values) {
+  write_column(text, name, status, [&](std::size_t i) {
+    if (std::isfinite(values[i]))
+      text.number(values[i]);
+    else
+      text.raw("null");
+  });
+}
+
 /// `{"scene_version":"7","status":[...]`
 void write_start(JsonText& text, const ReplyHead& head, std::span<const RayStatus> status) {
   text.raw("{\"scene_version\":\"");
@@ -185,6 +196,7 @@ std::string write_hits_json(const HitColumns& hits, const ReplyHead& head) {
     write_scalars(text, "primitive_id", hits.status, hits.primitive_id);
   if (has(head.fields, HitField::kUv)) write_vectors(text, "uv", hits.status, hits.uv, 2);
   if (has(head.fields, HitField::kNormal)) write_vectors(text, "normal", hits.status, hits.normal, 3);
+  if (has(head.fields, HitField::kTError)) write_bounds(text, "t_error", hits.status, hits.t_error);
   write_end(text, head);
   return std::move(text).take();
 }
@@ -228,6 +240,7 @@ BinaryBody write_hits_binary(const HitColumns& hits, const ReplyHead& head) {
     table.add("primitive_id", "U32", std::span(hits.primitive_id), n, 1);
   if (has(head.fields, HitField::kUv)) table.add("uv", "F32", std::span(hits.uv), n, 2);
   if (has(head.fields, HitField::kNormal)) table.add("normal", "F32", std::span(hits.normal), n, 3);
+  if (has(head.fields, HitField::kTError)) table.add("t_error", "F64", std::span(hits.t_error), n, 1);
   table.add("status", "U8", to_bytes(hits.status), n, 1);
   return std::move(table).finish(head);
 }

@@ -40,8 +40,8 @@ struct ReplyHead {
 
 /// {"scene_version": "7", "status": [1,0], "t": [4,null], "instance_id": [2,null], "mesh_id": ...,
 ///  "primitive_id": ..., "uv": [[0.2,0.5],null], "normal": [[0,0,1],null], "stats"?: {...}}
-/// A ray without a hit is null in every column but status. Numbers are the shortest text that reads back to
-/// the same bits (t as double, uv and normal as float).
+/// A ray without a hit is null in every column but status, and so is a t_error without a bound. Numbers are
+/// the shortest text that reads back to the same bits (t as double, uv and normal as float).
 [[nodiscard]] std::string write_hits_json(const HitColumns& hits, const ReplyHead& head);
 
 /// {"scene_version": "7", "status": [1,0,4], "occluded": [true,false,null], "stats"?: {...}}
@@ -61,7 +61,7 @@ struct BinaryBody {
   [[nodiscard]] std::string to_string() const;
 };
 
-/// A miss is t = +Inf, ids 0xFFFFFFFF, uv and normal 0. Valid as long as `hits` is.
+/// A miss is t = t_error = +Inf, ids 0xFFFFFFFF, uv and normal 0. Valid as long as `hits` is.
 [[nodiscard]] BinaryBody write_hits_binary(const HitColumns& hits, const ReplyHead& head);
 /// One column `status` (U8).
 [[nodiscard]] BinaryBody write_occlusion_binary(std::span<const RayStatus> status, const ReplyHead& head);

@@ -20,17 +20,6 @@ Precision to_precision(std::string_view name) {
   return name == "fast" ? Precision::kFast : Precision::kRobust;
 }
 
-/// `status` and `t` are in every answer, so they add nothing to the set.
-std::optional<HitField> to_field(std::string_view name) {
-  if (name == "status" || name == "t") return HitField(0);
-  if (name == "uv") return HitField::kUv;
-  if (name == "normal") return HitField::kNormal;
-  if (name == "instance_id") return HitField::kInstanceId;
-  if (name == "mesh_id") return HitField::kMeshId;
-  if (name == "primitive_id") return HitField::kPrimitiveId;
-  return std::nullopt;
-}
-
 HitField read_fields(const JsonNode& node) {
   HitField fields{};
   const auto array = read_array(node);
@@ -38,7 +27,7 @@ HitField read_fields(const JsonNode& node) {
   std::size_t i = 0;
   for (const simdjson::dom::element element : *array) {
     const JsonNode name = node.child(element, i++);
-    fields = fields | to_field(read_choice(name, kHitFieldNames)).value_or(HitField{});
+    fields = fields | parse_hit_field(read_choice(name, kHitFieldNames)).value_or(HitField{});
     if (node.problems->any()) break;
   }
   return fields;
@@ -62,7 +51,7 @@ HitField read_query_fields(QueryReader& query, HitField fallback) {
   std::string_view rest = *list;
   while (!rest.empty()) {
     const std::size_t comma = std::min(rest.find(','), rest.size());
-    const auto field = to_field(rest.substr(0, comma));
+    const auto field = parse_hit_field(rest.substr(0, comma));
     if (!field) query.fail(ProblemCode::kInvalidValue, "fields", list_choices(kHitFieldNames));
     fields = fields | field.value_or(HitField{});
     rest.remove_prefix(std::min(comma + 1, rest.size()));
@@ -209,6 +198,17 @@ std::optional<Problem> parse_binary(const MediaType& type, std::string_view body
 }
 
 }  // namespace
+
+std::optional<HitField> parse_hit_field(std::string_view name) {
+  if (name == "status" || name == "t") return HitField(0);
+  if (name == "uv") return HitField::kUv;
+  if (name == "normal") return HitField::kNormal;
+  if (name == "instance_id") return HitField::kInstanceId;
+  if (name == "mesh_id") return HitField::kMeshId;
+  if (name == "primitive_id") return HitField::kPrimitiveId;
+  if (name == "t_error") return HitField::kTError;
+  return std::nullopt;
+}
 
 RayBatch RayRequest::batch() const {
   if (!binary_body.empty()) return {binary_body, scalar, columns, excluded};

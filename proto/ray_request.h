@@ -17,6 +17,10 @@ namespace gridcast::proto {
 
 enum class StatsMode : std::uint8_t { kOff, kOn };
 
+/// A name of kHitFieldNames; nothing for any other. `status` and `t` are in every answer, so they add nothing
+/// to a set.
+[[nodiscard]] std::optional<HitField> parse_hit_field(std::string_view name);
+
 /// Given as members of a JSON body or in the query string; the query string wins.
 struct RayOptions {
   Precision precision = Precision::kRobust;

@@ -15,8 +15,8 @@ inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "de
 inline constexpr std::array<std::string_view, 6> kLayerNames{"color",       "depth",   "normal",
                                                              "instance_id", "mesh_id", "primitive_id"};
 inline constexpr std::array<std::string_view, 2> kImageFormatNames{"png", "exr"};
-/// `status` and `t` are in every answer; naming them is allowed.
-inline constexpr std::array<std::string_view, 7> kHitFieldNames{
-    "status", "t", "uv", "normal", "instance_id", "mesh_id", "primitive_id"};
+/// `status` and `t` are in every answer; naming them is allowed. `t_error` comes only when named.
+inline constexpr std::array<std::string_view, 8> kHitFieldNames{
+    "status", "t", "uv", "normal", "instance_id", "mesh_id", "primitive_id", "t_error"};
 
 }  // namespace gridcast::proto

@@ -29,6 +29,7 @@ server sends them).
 Examples:
   gridcast cast engine.glb --camera-grid 1024x1024
   gridcast cast engine.glb --rays rays.f32 -o hits.bin
+  gridcast cast engine.glb --rays rays.f32 --fields t_error,instance_id -o hits.json
   echo '{"origins": [[0,0,900]], "directions": [[0,0,-1]]}' | gridcast cast engine.glb --json-rays - -o hits.json)";
 
 class CastCommand final : public Command {
@@ -48,6 +49,10 @@ class CastCommand final : public Command {
         ->capture_default_str()
         ->check(CLI::IsMember({6, 8}));
     app.add_option("-o,--output", output_, "Answers: NAME.json or NAME.bin");
+    app.add_option("--fields", fields_, "Columns of the answers; all but t_error when absent")
+        ->delimiter(',')
+        ->check(CLI::IsMember(
+            std::vector<std::string>(proto::kHitFieldNames.begin(), proto::kHitFieldNames.end())));
     app.add_flag("--any", any_, "Only whether anything is hit, not what is hit first");
     app.add_option("--precision", precision_, "fast or robust")
         ->capture_default_str()
@@ -81,13 +86,21 @@ class CastCommand final : public Command {
   }
   [[nodiscard]] bool to_json_file() const { return output_.ends_with(".json"); }
 
+  [[nodiscard]] HitField fields() const {
+    if (fields_.empty()) return HitField::kAll;
+    HitField fields{};
+    for (const std::string& name : fields_)
+      fields = fields | proto::parse_hit_field(name).value_or(HitField{});
+    return fields;
+  }
+
   int cast_closest(const scene::Scene& scene, const RaySet& rays, const std::stop_token& stop) {
     const Clock::time_point started = Clock::now();
     ProgressBar bar("tracing", file_.verbosity());
-    const auto hits = intersect(scene, rays.batch(), trace_options(HitField::kAll, stop, bar));
+    const auto hits = intersect(scene, rays.batch(), trace_options(fields(), stop, bar));
     if (!hits) return report(file_.path, hits.error());
     const double ms = ms_between(started, Clock::now());
-    const proto::ReplyHead head{scene.version(), HitField::kAll, std::nullopt};
+    const proto::ReplyHead head{scene.version(), fields(), std::nullopt};
     if (!output_.empty()) {
       const int code =
           save(to_json_file() ? write_hits_json(*hits, head) : write_hits_binary(*hits, head).to_string());
@@ -103,7 +116,7 @@ class CastCommand final : public Command {
     const auto status = occluded(scene, rays.batch(), trace_options(HitField::kAll, stop, bar));
     if (!status) return report(file_.path, status.error());
     const double ms = ms_between(started, Clock::now());
-    const proto::ReplyHead head{scene.version(), HitField::kAll, std::nullopt};
+    const proto::ReplyHead head{scene.version(), fields(), std::nullopt};
     if (!output_.empty()) {
       const int code = save(to_json_file() ? write_occlusion_json(*status, head)
                                            : write_occlusion_binary(*status, head).to_string());
@@ -141,6 +154,7 @@ class CastCommand final : public Command {
   RaySource source_;
   std::string output_;
   std::string precision_ = "robust";
+  std::vector<std::string> fields_;
   bool any_ = false;
 };
 

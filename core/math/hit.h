@@ -37,6 +37,8 @@ struct SurfaceHit {
   std::uint32_t instance_id = kInvalidId;
   std::uint32_t mesh_id = kInvalidId;
   std::uint32_t primitive_id = kInvalidId;
+  /// Certified bound of |t - exact t| (core/scene/hit_error.h); +infinity where none was asked for.
+  double t_error = std::numeric_limits<double>::infinity();
 };
 
 }  // namespace gridcast

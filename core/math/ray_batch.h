@@ -55,24 +55,26 @@ struct RayBatch {
   }
 };
 
-/// Which columns of HitColumns are wanted. `status` and `t` always are.
-enum class HitField : std::uint8_t {
+/// Which columns of HitColumns are wanted. `status` and `t` always are. kAll are those that cost next to
+/// nothing; the others are computed for who names them.
+enum class HitField : std::uint16_t {
   kUv = 1,
   kNormal = 2,
   kInstanceId = 4,
   kMeshId = 8,
   kPrimitiveId = 16,
-  kAll = 31
+  kAll = 31,
+  kTError = 32
 };
 inline constexpr HitField operator|(HitField a, HitField b) {
-  return HitField(std::uint8_t(a) | std::uint8_t(b));
+  return HitField(std::uint16_t(a) | std::uint16_t(b));
 }
 inline constexpr bool has(HitField set, HitField one) {
-  return (std::uint8_t(set) & std::uint8_t(one)) != 0;
+  return (std::uint16_t(set) & std::uint16_t(one)) != 0;
 }
 
-/// Answers in the order of the rays. A miss: t = +inf, ids = kInvalidId, uv and normal 0. Columns not
-/// asked for stay empty.
+/// Answers in the order of the rays. A miss: t = t_error = +inf, ids = kInvalidId, uv and normal 0. Columns
+/// not asked for stay empty.
 struct HitColumns {
   std::vector<RayStatus> status;
   std::vector<double> t;
@@ -81,6 +83,7 @@ struct HitColumns {
   std::vector<std::uint32_t> instance_id;
   std::vector<std::uint32_t> mesh_id;
   std::vector<std::uint32_t> primitive_id;
+  std::vector<double> t_error;  ///< certified bound of |t - exact t|; +inf where there is none
 
   void resize(std::size_t n, HitField fields) {
     status.assign(n, RayStatus::kMiss);
@@ -90,6 +93,7 @@ struct HitColumns {
     instance_id.assign(has(fields, HitField::kInstanceId) ? n : 0, kInvalidId);
     mesh_id.assign(has(fields, HitField::kMeshId) ? n : 0, kInvalidId);
     primitive_id.assign(has(fields, HitField::kPrimitiveId) ? n : 0, kInvalidId);
+    t_error.assign(has(fields, HitField::kTError) ? n : 0, std::numeric_limits<double>::infinity());
   }
 
   /// Writes row i; each row is written by one thread.
@@ -105,6 +109,7 @@ struct HitColumns {
     if (!instance_id.empty()) instance_id[i] = hit.instance_id;
     if (!mesh_id.empty()) mesh_id[i] = hit.mesh_id;
     if (!primitive_id.empty()) primitive_id[i] = hit.primitive_id;
+    if (!t_error.empty()) t_error[i] = hit.t_error;
   }
 };
 

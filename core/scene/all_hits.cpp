@@ -7,6 +7,7 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include "core/scene/batch_loop.h"
+#include "core/scene/hit_error.h"
 #include "core/scene/hit_list.h"
 #include "core/scene/trace_one.h"
 
@@ -76,6 +77,7 @@ void fill_columns(const Scene& scene, const RayBatch& rays, HitField fields,
         SurfaceHit surface;
         describe(scene, *from, surface);
         if (has(fields, HitField::kNormal)) surface.normal = geometric_normal(scene, *from, rays[i]);
+        if (has(fields, HitField::kTError)) surface.t_error = t_error(scene, rays[i], surface);
         out.hits.set(row, surface);
       }
     }

@@ -9,6 +9,7 @@
 
 #include "core/math/exact.h"
 #include "core/scene/batch_trace.h"
+#include "core/scene/hit_error.h"
 #include "core/scene/ray_order.h"
 #include "core/scene/trace_one.h"
 
@@ -90,6 +91,7 @@ bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions&
         describe(scene, run.hits[i], surface);
         if (has(options.fields, HitField::kNormal))
           surface.normal = geometric_normal(scene, run.hits[i], run.rays[i]);
+        if (has(options.fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
       }
       hits.set(source(i), surface);
     }

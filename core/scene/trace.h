@@ -10,7 +10,7 @@
 namespace gridcast::scene {
 
 /// Closest hit of one world ray. Invalid rays get RayStatus::kInvalid. Never fails, never throws.
-/// `excluded`: the primitive the ray starts on.
+/// `excluded`: the primitive the ray starts on. SurfaceHit::t_error is left to scene::t_error.
 [[nodiscard]] SurfaceHit intersect(const Scene& scene, const Ray& ray,
                                    Precision precision = Precision::kRobust, PrimitiveRef excluded = {});
 

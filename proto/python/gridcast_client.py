@@ -221,7 +221,8 @@ class Scene:
         """Closest hits of rays: origins and directions [N, 3]; tnear and tfar [N], scalars or None.
 
         Returns {"t": f8 [N], "status": u1 [N], "instance_id", "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2],
-        "normal": f4 [N, 3]}, or status, t and the `fields` asked for.
+        "normal": f4 [N, 3]}, or status, t and the `fields` asked for. `fields=["t_error"]` adds a certified bound,
+        f8 [N]: the exact t of the reported triangle is within t_error of t, inf where nothing can be promised.
         """
         query = {"precision": precision, "fields": ",".join(fields) if fields is not None else None,
                  "deadline_ms": deadline_ms}

@@ -71,7 +71,7 @@ def json_columns(answer):
     """The same columns from a JSON answer, a null as the binary format writes a miss."""
     fills = {"t": (np.inf, "<f8", 1), "uv": ([0, 0], "<f4", 2), "normal": ([0, 0, 0], "<f4", 3),
              "instance_id": (0xFFFFFFFF, "<u4", 1), "mesh_id": (0xFFFFFFFF, "<u4", 1),
-             "primitive_id": (0xFFFFFFFF, "<u4", 1)}
+             "primitive_id": (0xFFFFFFFF, "<u4", 1), "t_error": (np.inf, "<f8", 1)}
     columns = {"status": np.array(answer["status"], "u1")}
     for name, (fill, dtype, width) in fills.items():
         if name in answer:

@@ -90,6 +90,16 @@ def test_cast_takes_and_writes_json(run, model, tmp_path):
     assert json.loads((tmp_path / "any.json").read_text())["occluded"] == [True, False]
 
 
+def test_cast_writes_the_fields_asked_for(run, model, tmp_path):
+    rays = json.dumps({"origins": [[0, 10, 0], [0, 90, 90]], "directions": [[0, -1, 0], [0, 1, 0]]}).encode()
+    done = run("cast", model, "--json-rays", "-", "--fields", "t_error,mesh_id", "-o", "hits.json", stdin=rays)
+    assert done.returncode == DONE, done.stderr
+    hits = json.loads((tmp_path / "hits.json").read_text())
+    assert set(hits) == {"scene_version", "status", "t", "mesh_id", "t_error"}
+    assert 0 <= hits["t_error"][0] < 1e-12 and hits["t_error"][1] is None
+    assert run("cast", model, "--json-rays", "-", "--fields", "depth", stdin=rays).returncode == USAGE
+
+
 def test_render_writes_png_and_exr(run, model, tmp_path):
     done = run("render", model, "-o", "row.png", "--width", 80, "--height", 60)
     assert done.returncode == DONE and b"row.png" in done.stdout

@@ -1,6 +1,7 @@
 """Ray queries: right answers, the same bits in every format, a status for every invalid ray, limits."""
 
 import json
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -111,6 +112,30 @@ def test_only_the_fields_asked_for_come_back(box):
     answer = box.post("/rays/closest", {"origins": [[0, 9, 0]], "directions": [[0, -1, 0]], "fields": ["normal"]}).json()
     assert {"status", "t", "normal"} <= set(answer)
     assert "uv" not in answer
+
+
+def test_t_error_comes_when_named_and_covers_the_true_t(box):
+    rays = np.array([[0.25, 7, 0.5, 0.125, -3, 0.0625], [0.25, 10, 0.5, 0, -1, 0], [5, 10, 0, 0, 1, 0]], "<f8")
+    assert "t_error" not in box.cast(rays).columns()
+    binary = box.cast(rays, fields="t_error").columns()
+    assert set(binary) == {"status", "t", "t_error"}
+    assert binary["t_error"][2] == np.inf, "a miss"
+    error = abs(Fraction(float(binary["t"][0])) - Fraction(6, 3))
+    assert error <= Fraction(float(binary["t_error"][0])) <= Fraction(1, 2 ** 50)
+    text = box.post("/rays/closest", {"origins": rays[:, :3].tolist(), "directions": rays[:, 3:].tolist(),
+                                      "fields": ["t_error"]}).json()
+    assert text["t_error"][2] is None
+    assert json_columns(text)["t_error"].tobytes() == binary["t_error"].tobytes()
+
+
+def test_t_error_covers_thirds(box):
+    # t = (y - 1) / 3 is no double: the bound must reach the true one.
+    rays = np.array([[0.1 + 0.05 * i, 2 + i, -0.2, 0, -3, 0] for i in range(1, 17)], "<f8")
+    columns = box.cast(rays, fields="t_error").columns()
+    assert (columns["status"] == HIT).all()
+    for t, bound, ray in zip(columns["t"], columns["t_error"], rays):
+        error = abs(Fraction(float(t)) - Fraction(int(ray[1]) - 1, 3))
+        assert error <= Fraction(float(bound)) <= error + Fraction(1, 2 ** 80)
 
 
 def test_an_excluded_primitive_is_not_hit(box):

@@ -32,6 +32,19 @@ TEST(HitReply, json_is_columns_with_null_for_a_miss) {
             R"({"scene_version":"8","status":[1,0,4],"t":[4,null,null],"uv":[[0.2,0.5],null,null]})");
 }
 
+TEST(HitReply, t_error_is_a_column_when_asked_for_and_null_where_infinite) {
+  HitColumns hits;
+  hits.resize(3, HitField::kTError);
+  SurfaceHit hit{RayStatus::kHit, 4.0, 0.2, 0.5, {0.0, 0.0, 1.0}, 2, 0, 11, 0x1p-52};
+  hits.set(0, hit);
+  hit.t_error = std::numeric_limits<double>::infinity();
+  hits.set(1, hit);
+  EXPECT_EQ(write_hits_json(hits, {7, HitField::kTError, {}}),
+            R"({"scene_version":"7","status":[1,1,0],"t":[4,4,null],)"
+            R"("t_error":[2.220446049250313e-16,null,null]})");
+  EXPECT_FALSE(has(HitField::kAll, HitField::kTError));
+}
+
 TEST(HitReply, no_rays_give_empty_columns) {
   HitColumns hits;
   hits.resize(0, HitField::kMeshId);
@@ -80,8 +93,9 @@ Decoded decode(const std::string& body) {
 }
 
 TEST(HitReply, binary_columns_are_where_the_head_says) {
-  const HitColumns hits = hit_and_miss(HitField::kAll);
-  const BinaryBody body = write_hits_binary(hits, {7, HitField::kAll, count_statuses(hits.status, 2.5)});
+  const HitField fields = HitField::kAll | HitField::kTError;
+  const HitColumns hits = hit_and_miss(fields);
+  const BinaryBody body = write_hits_binary(hits, {7, fields, count_statuses(hits.status, 2.5)});
   const std::string text = body.to_string();
   EXPECT_EQ(text.size(), body.size_bytes());
   const Decoded reply = decode(text);
@@ -96,6 +110,7 @@ TEST(HitReply, binary_columns_are_where_the_head_says) {
             (std::vector<std::uint32_t>{2, kInvalidId, kInvalidId}));
   EXPECT_EQ(reply.column<std::uint32_t>("mesh_id"), hits.mesh_id);
   EXPECT_EQ(reply.column<std::uint32_t>("primitive_id"), hits.primitive_id);
+  EXPECT_EQ(reply.column<double>("t_error"), hits.t_error);
   EXPECT_EQ(reply.column<std::uint8_t>("status"), (std::vector<std::uint8_t>{1, 0, 4}));
   EXPECT_EQ(reply.head["status"]["data_offsets"][1], reply.data.size());
 }
