@@ -24,7 +24,7 @@ enum class Offer : std::uint8_t {
 /// kStopsAtFirst: the first hit in range is as good as any other. The traversal then saves itself the order
 /// of its visits, and a hit that is certain without the triangle test is not offered but ends it.
 template <class T>
-concept Collector = requires(T collector, const mesh::ObjectRay& ray, const mesh::TriangleHit& hit,
+concept Collector = requires(T& collector, const mesh::ObjectRay& ray, const mesh::TriangleHit& hit,
                              std::uint32_t id) {
   { T::kStopsAtFirst } -> std::convertible_to<bool>;
   { std::as_const(collector).tfar() } -> std::same_as<double>;

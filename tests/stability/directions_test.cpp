@@ -61,8 +61,9 @@ std::vector<Vec3d> origins_around(const Bounds3d& box, test::Random& random, std
 
 TEST(Stability, RC01_ZeroDirectionComponent) {
   Row row(1, 12000);
-  for (const auto& [mesh, box] : boxes()) {
-    const Subject subject(placed(mesh));
+  for (const BoxCase& box_case : boxes()) {
+    const Bounds3d& box = box_case.box;
+    const Subject subject(placed(box_case.mesh));
     // 24 + 24 + 8 rays an origin.
     row.blocks(row.rays(4) / 56 + 1, [&](test::Random& random, std::size_t count) {
       std::vector<Shot> shots;
@@ -92,8 +93,9 @@ TEST(Stability, RC01_ZeroDirectionComponent) {
 
 TEST(Stability, RC02_RayInAFacePlane) {
   Row row(2, 8000);
-  for (const auto& [mesh, box] : boxes()) {
-    Subject subject(placed(mesh));
+  for (const BoxCase& box_case : boxes()) {
+    const Bounds3d& box = box_case.box;
+    Subject subject(placed(box_case.mesh));
     row.blocks(row.rays(4), [&](test::Random& random, std::size_t count) {
       std::vector<Shot> shots;
       for (std::size_t i = 0; i < count; ++i) {

@@ -181,12 +181,12 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
     }
     Subject subject(placed(source, where));
     EXPECT_EQ(subject.scene().data().warnings.size(), active ? 0U : 1U);
-    row.blocks(row.rays(cases.size()), [&, active_ = active](test::Random& random, std::size_t count) {
+    row.blocks(row.rays(cases.size()), [&, is_active = active](test::Random& random, std::size_t count) {
       std::vector<Shot> shots;
       for (std::size_t i = 0; i < count; ++i) {
         const Ray ray = toward_instance(subject.spec(), 0, Vec3d(1, 2, 3) + random.in_box(3.0), random);
         if (!is_valid(ray)) continue;
-        shots.push_back({ray, {}, active_ ? every_triangle(subject.scene(), ray) : Expectation::miss()});
+        shots.push_back({ray, {}, is_active ? every_triangle(subject.scene(), ray) : Expectation::miss()});
       }
       subject.shoot(row, shots);
     });
