@@ -16,6 +16,8 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"samples_per_pixel", limits.samples_per_pixel},
           {"bounce_depth", limits.bounce_depth},
           {"instances_per_patch", limits.instances_per_patch},
+          {"binary_instances", limits.binary_instances},
+          {"transaction_edits", limits.transaction_edits},
           {"instances_per_page", limits.instances_per_page},
           {"name_bytes", limits.name_bytes},
           {"scenes", limits.scenes},

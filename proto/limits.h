@@ -25,6 +25,9 @@ struct Limits {
   int bounce_depth = 64;  ///< a longer mirror path adds nothing an eye can see
   /// What fits into json_bytes at about 160 bytes a move.
   std::size_t instances_per_patch = 100'000;
+  /// In binary, where a move takes 52 or 100 bytes; all of a scene of a million instances.
+  std::size_t binary_instances = std::size_t(2) << 20;
+  std::size_t transaction_edits = 100'000;
   std::size_t instances_per_page = 10'000;  ///< one page is about 3 MB of JSON
   std::size_t name_bytes = 256;
   std::size_t scenes = 1'000;

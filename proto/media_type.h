@@ -14,6 +14,7 @@ inline constexpr std::string_view kJsonMediaType = "application/json";
 inline constexpr std::string_view kRaysMediaType = "application/vnd.gridcast.rays";
 inline constexpr std::string_view kHitsMediaType = "application/vnd.gridcast.hits";
 inline constexpr std::string_view kVerticesMediaType = "application/vnd.gridcast.vertices";
+inline constexpr std::string_view kInstancesMediaType = "application/vnd.gridcast.instances";
 inline constexpr std::string_view kGlbMediaType = "model/gltf-binary";
 inline constexpr std::string_view kGltfMediaType = "model/gltf+json";
 inline constexpr std::string_view kPngMediaType = "image/png";

@@ -1,68 +1,18 @@
 #include "proto/scene_request.h"
 
 #include <algorithm>
+#include <cstring>
 #include <unordered_set>
 
+#include "proto/geometry_reader.h"
 #include "proto/json_reader.h"
+#include "proto/media_type.h"
 #include "proto/vocabulary.h"
 
 namespace gridcast::proto {
 namespace {
 
 constexpr std::string_view kSceneNameRule = "must be 1 to 64 letters, digits, '_', '.' or '-'";
-
-/// One row of a transform: four numbers.
-std::optional<glm::dvec4> read_row(const JsonNode& node) {
-  const auto array = read_array(node);
-  if (!array) return std::nullopt;
-  if (array->size() != 4) {
-    node.fail(ProblemCode::kWrongLength, "a row of a transform has 4 numbers");
-    return std::nullopt;
-  }
-  glm::dvec4 row{0.0};
-  int column = 0;
-  for (const simdjson::dom::element element : *array) {
-    row[column] = read_number(node.child(element, std::size_t(column)));
-    ++column;
-  }
-  return row;
-}
-
-Affine read_transform(const JsonNode& node) {
-  Affine transform;
-  const auto array = read_array(node);
-  if (!array) return transform;
-  if (array->size() != 3 && array->size() != 4) {
-    node.fail(ProblemCode::kWrongLength, "a transform has 3 or 4 rows");
-    return transform;
-  }
-  int r = 0;
-  for (const simdjson::dom::element element : *array) {
-    const JsonNode child = node.child(element, std::size_t(r));
-    const auto row = read_row(child);
-    if (!row || node.problems->any()) return transform;
-    if (r < 3) {
-      for (int c = 0; c < 3; ++c) transform.linear[c][r] = (*row)[c];
-      transform.translation[r] = (*row)[3];
-    } else if (*row != glm::dvec4(0.0, 0.0, 0.0, 1.0)) {
-      child.fail(ProblemCode::kInvalidValue, "the last row of a 4x4 transform is [0, 0, 0, 1]");
-    }
-    ++r;
-  }
-  return transform;
-}
-
-/// Parses `body` and hands its root to `read`, which returns the value.
-template <class Read>
-auto parse_body(std::string_view body, const Limits& limits, Read read)
-    -> Parsed<decltype(read(std::declval<JsonNode>()))> {
-  const auto document = JsonDocument::parse(body, limits.json_bytes, limits.json_depth);
-  if (!document) return document.problem();
-  JsonProblems problems;
-  auto value = read(document.value().root(problems));
-  if (problems.any()) return problems.first();
-  return value;
-}
 
 std::vector<InstanceMove> read_moves(const JsonNode& node, const Limits& limits) {
   std::vector<InstanceMove> moves;
@@ -86,6 +36,65 @@ std::vector<InstanceMove> read_moves(const JsonNode& node, const Limits& limits)
       id->fail(ProblemCode::kDuplicateId, "this instance is moved twice");
     if (node.problems->any()) break;
   }
+  return moves;
+}
+
+template <class Scalar>
+Affine affine_of_rows(const char* bytes) {
+  Scalar rows[3][4];
+  std::memcpy(rows, bytes, sizeof(rows));
+  Affine transform;
+  for (int r = 0; r < 3; ++r) {
+    for (int c = 0; c < 3; ++c) transform.linear[c][r] = double(rows[r][c]);
+    transform.translation[r] = double(rows[r][3]);
+  }
+  return transform;
+}
+
+/// The first id that was there before, nothing when each is there once.
+std::optional<std::size_t> find_repeated(const std::vector<InstanceMove>& moves) {
+  std::vector<std::uint32_t> ids;
+  ids.reserve(moves.size());
+  for (const InstanceMove& move : moves) ids.push_back(move.instance_id);
+  std::sort(ids.begin(), ids.end());
+  if (std::adjacent_find(ids.begin(), ids.end()) == ids.end()) return std::nullopt;
+  std::unordered_set<std::uint32_t> seen;
+  std::size_t i = 0;
+  while (seen.insert(moves[i].instance_id).second) ++i;
+  return i;
+}
+
+Parsed<std::vector<InstanceMove>> parse_binary_moves(const MediaType& type, std::string_view body,
+                                                     const Limits& limits) {
+  bool is_float = false;
+  for (const auto& [name, value] : type.parameters) {
+    if (name != "dtype" || (value != "float32" && value != "float64"))
+      return Problem{ProblemCode::kUnsupportedMediaType,
+                     std::string(kInstancesMediaType) + " takes dtype=float64|float32", "Content-Type"};
+    is_float = value == "float32";
+  }
+  if (body.size() > limits.binary_bytes)
+    return Problem{ProblemCode::kPayloadTooLarge,
+                   "binary moves may have at most " + std::to_string(limits.binary_bytes) + " bytes", ""};
+  const std::size_t matrix_bytes = 12 * (is_float ? sizeof(float) : sizeof(double));
+  const std::size_t move_bytes = sizeof(std::uint32_t) + matrix_bytes;
+  if (body.empty() || body.size() % move_bytes != 0)
+    return Problem{ProblemCode::kWrongLength,
+                   "the body is not a whole number of moves of " + std::to_string(move_bytes) + " bytes", ""};
+  const std::size_t count = body.size() / move_bytes;
+  if (count > limits.binary_instances)
+    return Problem{ProblemCode::kOutOfRange,
+                   "at most " + std::to_string(limits.binary_instances) + " moves in one request", "/moves"};
+  std::vector<InstanceMove> moves(count);
+  const char* matrices = body.data() + count * sizeof(std::uint32_t);
+  for (std::size_t i = 0; i < count; ++i) {
+    std::memcpy(&moves[i].instance_id, body.data() + i * sizeof(std::uint32_t), sizeof(std::uint32_t));
+    const char* matrix = matrices + i * matrix_bytes;
+    moves[i].world_from_object = is_float ? affine_of_rows<float>(matrix) : affine_of_rows<double>(matrix);
+  }
+  if (const auto i = find_repeated(moves))
+    return Problem{ProblemCode::kDuplicateId, "this instance is moved twice",
+                   "/moves/" + std::to_string(*i) + "/instance_id"};
   return moves;
 }
 
@@ -113,6 +122,15 @@ Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits&
     scene.gltf_scene = std::uint32_t(reader.integer("scene", 0, kInvalidId - 1, 0));
   if (reader.problem()) return *reader.problem();
   return scene;
+}
+
+Parsed<std::string> parse_fork_query(const QueryParameters& query) {
+  QueryReader reader(query, {"name"});
+  const std::string* name = reader.find("name");
+  if (name != nullptr && !is_scene_name(*name))
+    reader.fail(ProblemCode::kInvalidValue, "name", std::string(kSceneNameRule));
+  if (reader.problem()) return *reader.problem();
+  return name == nullptr ? std::string() : *name;
 }
 
 Parsed<EmptySceneRequest> parse_empty_scene(std::string_view body, const Limits& limits) {
@@ -152,7 +170,14 @@ Parsed<MoveInstanceRequest> parse_move_instance(std::string_view body, const Lim
   });
 }
 
-Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view body, const Limits& limits) {
+Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view content_type, std::string_view body,
+                                                       const Limits& limits) {
+  const auto type = parse_media_type(content_type);
+  if (type && type->essence == kInstancesMediaType) return parse_binary_moves(*type, body, limits);
+  if (!type || type->essence != kJsonMediaType)
+    return Problem{ProblemCode::kUnsupportedMediaType,
+                   "moves come as " + std::string(kJsonMediaType) + " or " + std::string(kInstancesMediaType),
+                   "Content-Type"};
   return parse_body(body, limits, [&](const JsonNode& root) {
     const ObjectReader object(root, {"moves"});
     const JsonNode* moves = root.problems->any() ? nullptr : object.require("moves");

@@ -50,13 +50,19 @@ struct MoveInstanceRequest {
 };
 [[nodiscard]] Parsed<MoveInstanceRequest> parse_move_instance(std::string_view body, const Limits& limits);
 
-/// PATCH .../instances: {"moves": [{"instance_id": 3, "transform": [[...]]}, ...]}, each instance once, all
-/// in one version. Pointers of problems found later by core map to `/moves/INDEX`.
+/// POST .../scenes/{s}:fork?name=: the name of the copy; empty: the server makes one.
+[[nodiscard]] Parsed<std::string> parse_fork_query(const QueryParameters& query);
+
+/// PATCH .../instances: JSON {"moves": [{"instance_id": 3, "transform": [[...]]}, ...]}, or binary
+/// (application/vnd.gridcast.instances; dtype=float64|float32; default float64), little-endian: uint32 [K]
+/// instance ids, then [K, 3, 4] matrices, each three rows of [linear | translation]. Each instance once, all
+/// in one version. Pointers of problems, those of core too, are `/moves/INDEX`.
 struct InstanceMove {
   std::uint32_t instance_id = kInvalidId;
   Affine world_from_object;
 };
-[[nodiscard]] Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view body,
+[[nodiscard]] Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view content_type,
+                                                                     std::string_view body,
                                                                      const Limits& limits);
 
 }  // namespace gridcast::proto

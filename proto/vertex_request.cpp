@@ -4,6 +4,7 @@
 #include <cstring>
 #include <optional>
 
+#include "proto/geometry_reader.h"
 #include "proto/json_pointer.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
@@ -11,33 +12,6 @@
 
 namespace gridcast::proto {
 namespace {
-
-constexpr std::string_view kNotFinite = "a position must be finite as a 32-bit float";
-
-void read_positions(const JsonNode& node, std::vector<Vec3f>& positions) {
-  const auto array = read_array(node);
-  if (!array) return;
-  positions.reserve(array->size());
-  for (const simdjson::dom::element element : *array) {
-    const JsonNode child = node.child(element, positions.size());
-    positions.emplace_back(read_vec3(child));
-    // 1e39 is a fine double and no float.
-    if (!is_finite(positions.back())) child.fail(ProblemCode::kOutOfRange, std::string(kNotFinite));
-    if (node.problems->any()) return;
-  }
-}
-
-void read_vertex_ids(const JsonNode& node, std::size_t count, std::vector<std::uint32_t>& ids) {
-  const auto array = read_array(node);
-  if (!array) return;
-  ids.reserve(count);
-  for (const simdjson::dom::element element : *array) {
-    ids.push_back(read_id(node.child(element, ids.size())));
-    if (node.problems->any()) return;
-  }
-  if (ids.size() != count)
-    node.fail(ProblemCode::kWrongLength, "must have one id per position, " + std::to_string(count));
-}
 
 std::optional<Problem> parse_json(std::string_view body, const Limits& limits, VertexRequest& request) {
   const auto document = JsonDocument::parse(body, limits.json_bytes, limits.json_depth);
@@ -92,7 +66,7 @@ std::optional<Problem> parse_binary(const MediaType& type, std::string_view body
   std::memcpy(request.positions.data(), body.data() + count * id_bytes, count * sizeof(Vec3f));
   for (std::size_t i = 0; i < count; ++i) {
     if (is_finite(request.positions[i])) continue;
-    Problem problem{ProblemCode::kOutOfRange, std::string(kNotFinite), "/positions"};
+    Problem problem{ProblemCode::kOutOfRange, std::string(kPositionNotFinite), "/positions"};
     append_pointer(problem.pointer, i);
     return problem;
   }

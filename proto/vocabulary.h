@@ -11,6 +11,9 @@ inline constexpr std::array<std::string_view, 6> kStructureNames{"auto",     "br
                                                                  "wide_bvh", "kd_tree",     "embree"};
 inline constexpr std::array<std::string_view, 2> kPrecisionNames{"fast", "robust"};
 inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
+/// `op` of a transaction's edits.
+inline constexpr std::array<std::string_view, 4> kEditNames{"add_instance", "move_instance",
+                                                            "remove_instance", "replace_vertices"};
 inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "depth", "normal", "id"};
 inline constexpr std::array<std::string_view, 6> kLayerNames{"color",       "depth",   "normal",
                                                              "instance_id", "mesh_id", "primitive_id"};

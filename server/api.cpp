@@ -28,6 +28,7 @@ Api::Api(const proto::Limits& limits_in_force, std::size_t thread_count)
     : limits(limits_in_force),
       store(limits.scenes),
       gate(thread_count + 1),
+      update_gate(thread_count + 1),
       threads(thread_count),
       jobs(limits, gate, job_workers(thread_count), log_job) {}
 
@@ -37,6 +38,7 @@ Router make_router(Api& api) {
   add_scene_routes(router, api);
   add_mesh_routes(router, api);
   add_instance_routes(router, api);
+  add_transaction_routes(router, api);
   add_ray_routes(router, api);
   add_render_routes(router, api);
   add_job_routes(router, api);
@@ -95,7 +97,7 @@ double Timing::mark(std::string_view phase) {
 std::variant<scene::UpdateResult, Problem> update_scene(
     Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
     const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of) {
-  auto result = named.update(request.header("if-match"), edits);
+  auto result = named.update(request.header("if-match"), edits, cancellation.token());
   if (auto* problem = std::get_if<Problem>(&result)) return std::move(*problem);
   if (auto* error = std::get_if<Error>(&result)) {
     Problem problem = problem_of(*error, proto::ErrorContext::kUpdate, cancellation);

@@ -24,7 +24,9 @@ struct Api {
   proto::Limits limits;
   SceneStore store{1};
   Metrics metrics;
-  WorkGate gate{1};
+  WorkGate gate{1};  ///< queries, builds, jobs
+  /// Updates that refit or build: apart from `gate`, so that none waits for a query.
+  WorkGate update_gate{1};
   std::size_t threads = 1;
   std::function<std::size_t()> requests_in_flight = [] { return std::size_t(0); };
   std::function<bool()> ready = [] { return true; };
@@ -38,6 +40,7 @@ void add_meta_routes(Router& router, Api& api);
 void add_scene_routes(Router& router, Api& api);
 void add_mesh_routes(Router& router, Api& api);
 void add_instance_routes(Router& router, Api& api);
+void add_transaction_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
 void add_render_routes(Router& router, Api& api);
 void add_job_routes(Router& router, Api& api);

@@ -46,6 +46,9 @@ struct Metrics::Families {
   prometheus::Gauge& in_flight =
       gauge(registry, "gridcast_requests_in_flight", "Requests being worked on, this one included").Add({});
   prometheus::Gauge& scenes = gauge(registry, "gridcast_scenes", "Scenes held").Add({});
+  prometheus::Gauge& versions = gauge(registry, "gridcast_scene_versions",
+                                      "Versions in memory: the newest of each scene and those still read")
+                                    .Add({});
   prometheus::Gauge& instances = gauge(registry, "gridcast_instances", "Live instances, all scenes").Add({});
   prometheus::Gauge& triangles =
       gauge(registry, "gridcast_triangles", "Triangles of the meshes stored, all scenes").Add({});
@@ -105,16 +108,19 @@ void Metrics::set_jobs(const JobCounts& jobs) {
 std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, std::size_t requests_in_flight) {
   set_jobs(jobs);
   const auto scenes = store.list();
+  double versions = 0;
   double instances = 0;
   double triangles = 0;
   double memory = 0;
   for (const auto& named : scenes) {
     const auto scene = named->snapshot();
+    versions += double(named->live_versions());
     instances += double(scene->instance_count());
     triangles += double(scene->stored_triangle_count());
     memory += double(scene->memory_bytes());
   }
   families_->scenes.Set(double(scenes.size()));
+  families_->versions.Set(versions);
   families_->instances.Set(instances);
   families_->triangles.Set(triangles);
   families_->memory.Set(memory);

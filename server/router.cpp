@@ -8,8 +8,15 @@
 namespace gridcast::server {
 namespace {
 
-bool is_capture(const std::string& segment) {
-  return segment.size() > 2 && segment.front() == '{' && segment.back() == '}';
+/// A segment of a pattern: the name of its capture (empty when it is plain text) and the text that ends it.
+struct PatternSegment {
+  std::string_view capture;
+  std::string_view end;
+};
+PatternSegment read_segment(std::string_view segment) {
+  const std::size_t brace = segment.find('}');
+  if (!segment.starts_with('{') || brace == segment.npos) return {{}, segment};
+  return {segment.substr(1, brace - 1), segment.substr(brace + 1)};
 }
 
 std::optional<std::map<std::string, std::string>> match_segments(const std::vector<std::string>& pattern,
@@ -17,10 +24,11 @@ std::optional<std::map<std::string, std::string>> match_segments(const std::vect
   if (pattern.size() != path.size()) return std::nullopt;
   std::map<std::string, std::string> captures;
   for (std::size_t i = 0; i < pattern.size(); ++i) {
-    if (is_capture(pattern[i]))
-      captures.emplace(pattern[i].substr(1, pattern[i].size() - 2), path[i]);
-    else if (pattern[i] != path[i])
+    const auto [capture, end] = read_segment(pattern[i]);
+    if (capture.empty() ? path[i] != end : !(path[i].ends_with(end) && path[i].size() > end.size()))
       return std::nullopt;
+    if (!capture.empty())
+      captures.emplace(std::string(capture), path[i].substr(0, path[i].size() - end.size()));
   }
   return captures;
 }

@@ -20,8 +20,9 @@ struct AcceptedBody {
 using Handler = std::function<HttpResponse(const HttpRequest&, Cancellation&)>;
 
 struct Route {
-  std::string method;                 ///< GET also answers HEAD
-  std::string pattern;                ///< "/v1/scenes/{s}": a segment in braces captures
+  std::string method;  ///< GET also answers HEAD
+  /// "/v1/scenes/{s}": a name in braces captures the segment; "{s}:fork" what stands before the end given.
+  std::string pattern;
   std::vector<AcceptedBody> accepts;  ///< none: the route takes no body
   Handler handler;
 };

@@ -78,7 +78,7 @@ HttpResponse move_instances(Api& api, const HttpRequest& request, Cancellation& 
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   OpenScene& open = std::get<OpenScene>(opened);
-  auto parsed = proto::parse_move_instances(request.body, api.limits);
+  auto parsed = proto::parse_move_instances(request.header("content-type"), request.body, api.limits);
   if (!parsed) return problem_response(parsed.problem());
   std::vector<scene::SceneEdit> edits;
   edits.reserve(parsed->size());
@@ -119,7 +119,9 @@ void add_instance_routes(Router& router, Api& api) {
       {"GET", all, {}, [&api](const HttpRequest& r, Cancellation&) { return list_instances(api, r); }});
   router.add(
       {"POST", all, json, [&api](const HttpRequest& r, Cancellation& c) { return add_instance(api, r, c); }});
-  router.add({"PATCH", all, json,
+  const std::vector<AcceptedBody> moves{{std::string(proto::kJsonMediaType), api.limits.json_bytes},
+                                        {std::string(proto::kInstancesMediaType), api.limits.binary_bytes}};
+  router.add({"PATCH", all, moves,
               [&api](const HttpRequest& r, Cancellation& c) { return move_instances(api, r, c); }});
   router.add({"GET", one, {}, [&api](const HttpRequest& r, Cancellation&) { return get_instance(api, r); }});
   router.add({"PATCH", one, json,

@@ -51,7 +51,7 @@ HttpResponse patch_vertices(Api& api, const HttpRequest& request, Cancellation& 
       proto::parse_vertex_request(request.header("content-type"), request.body, request.query, api.limits);
   if (!parsed) return problem_response(parsed.problem());
   timing.mark("parse");
-  const auto permit = api.gate.enter(cancellation.token());
+  const auto permit = api.update_gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
   scene::ReplaceVertices edit{std::get<std::uint32_t>(mesh), std::move(parsed->positions),

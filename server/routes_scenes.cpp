@@ -104,6 +104,23 @@ HttpResponse delete_scene(Api& api, const HttpRequest& request) {
   return {204, "", "", {}};
 }
 
+/// The copy shares everything with the original until one of them changes.
+HttpResponse fork_scene(Api& api, const HttpRequest& request) {
+  auto name = proto::parse_fork_query(request.query);
+  if (!name) return problem_response(name.problem());
+  auto opened = open_scene(api, request);
+  if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
+  const auto& [named, scene] = std::get<OpenScene>(opened);
+  if (const auto problem = check_if_match(request.header("if-match"), scene->version()))
+    return problem_response(*problem);
+  auto created = api.store.create(*std::move(name), scene, named->origin());
+  if (auto* problem = std::get_if<Problem>(&created)) return problem_response(*problem);
+  const NamedScene& copy = *std::get<std::shared_ptr<NamedScene>>(created);
+  HttpResponse response =
+      versioned_json(to_json(scene_info(copy.id(), copy.origin(), *scene)), scene->version(), 201);
+  return response.with("Location", "/v1/scenes/" + copy.id());
+}
+
 HttpResponse get_structure(Api& api, const HttpRequest& request) {
   if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
   auto opened = open_scene(api, request);
@@ -130,6 +147,9 @@ void add_scene_routes(Router& router, Api& api) {
               }});
   router.add({"DELETE", "/v1/scenes/{s}", {}, [&api](const HttpRequest& r, Cancellation&) {
                 return delete_scene(api, r);
+              }});
+  router.add({"POST", "/v1/scenes/{s}:fork", {}, [&api](const HttpRequest& r, Cancellation&) {
+                return fork_scene(api, r);
               }});
   router.add({"GET", "/v1/scenes/{s}/structure", {}, [&api](const HttpRequest& r, Cancellation&) {
                 return get_structure(api, r);

@@ -18,15 +18,24 @@ std::shared_ptr<const scene::Scene> NamedScene::snapshot() const {
 }
 
 std::variant<scene::UpdateResult, Problem, Error> NamedScene::update(
-    std::string_view if_match, const std::vector<scene::SceneEdit>& edits) {
-  const std::lock_guard one_writer(writing_);
+    std::string_view if_match, const std::vector<scene::SceneEdit>& edits, const std::stop_token& stop) {
+  const auto turn = writing_.enter(stop);
+  if (!turn) return Error{ErrorCode::kCancelled, "stopped before its turn came", ""};
   const std::shared_ptr<const scene::Scene> before = snapshot();
   if (auto problem = check_if_match(if_match, before->version())) return std::move(*problem);
   Result<scene::UpdateResult> updated = apply_update(*before, edits);
   if (!updated) return updated.error();
   const std::lock_guard lock(pointer_);
   current_ = updated->scene;
+  std::erase_if(versions_, [](const auto& version) { return version.expired(); });
+  versions_.emplace_back(current_);
   return std::move(updated).value();
+}
+
+std::size_t NamedScene::live_versions() const {
+  const std::lock_guard lock(pointer_);
+  return std::size_t(std::count_if(versions_.begin(), versions_.end(),
+                                   [](const auto& version) { return !version.expired(); }));
 }
 
 std::optional<Problem> check_if_match(std::string_view if_match, std::uint64_t version) {
@@ -94,7 +103,7 @@ std::optional<Problem> SceneStore::erase(std::string_view id, std::string_view i
   const std::shared_ptr<NamedScene> scene = find(id);
   if (!scene) return Problem{ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
   // No version appears between the check and the removal.
-  const std::lock_guard one_writer(scene->writing_);
+  const auto turn = scene->writing_.enter({});
   if (auto problem = check_if_match(if_match, scene->snapshot()->version())) return problem;
   const std::lock_guard lock(mutex_);
   const auto found = scenes_.find(id);

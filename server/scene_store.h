@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stop_token>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -13,6 +14,7 @@
 #include "core/scene/scene.h"
 #include "core/scene/update.h"
 #include "proto/error_table.h"
+#include "server/work_gate.h"
 
 namespace gridcast::server {
 
@@ -23,29 +25,36 @@ struct SceneOrigin {
   double build_ms = 0.0;
 };
 
-/// A named scene: a pointer to its newest snapshot, and one writer at a time. Readers never wait for a
-/// writer's work: the pointer alone is guarded.
+/// A named scene: a pointer to its newest snapshot, and one writer at a time, in the order of arrival.
+/// Readers never wait for a writer's work nor a writer for readers: the pointer alone is guarded. An old
+/// version is freed when its last reader lets go of it.
 class NamedScene {
  public:
   NamedScene(std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin)
-      : id_(std::move(id)), origin_(std::move(origin)), current_(std::move(first)) {}
+      : id_(std::move(id)), origin_(std::move(origin)), current_(std::move(first)), versions_{current_} {}
 
   [[nodiscard]] const std::string& id() const { return id_; }
   [[nodiscard]] const SceneOrigin& origin() const { return origin_; }
   [[nodiscard]] std::shared_ptr<const scene::Scene> snapshot() const;
 
   /// Applies `edits` and publishes the new version, when `if_match` (an If-Match header, empty = none) names
-  /// the current one. On any problem nothing changed.
+  /// the current one. On any problem nothing changed. kCancelled when `stop` comes before this writer's turn.
   [[nodiscard]] std::variant<scene::UpdateResult, proto::Problem, Error> update(
-      std::string_view if_match, const std::vector<scene::SceneEdit>& edits);
+      std::string_view if_match, const std::vector<scene::SceneEdit>& edits,
+      const std::stop_token& stop = {});
+
+  /// Versions in memory: the newest and those that queries still read.
+  [[nodiscard]] std::size_t live_versions() const;
 
  private:
   friend class SceneStore;
   std::string id_;
   SceneOrigin origin_;
-  std::mutex writing_;
-  mutable std::mutex pointer_;
+  WorkGate writing_{1};
+  mutable std::mutex pointer_;  ///< guards what follows
   std::shared_ptr<const scene::Scene> current_;
+  std::vector<std::weak_ptr<const scene::Scene>>
+      versions_;  ///< the newest, and older ones not known to be gone
 };
 
 /// Nothing when If-Match allows a write to `version`.

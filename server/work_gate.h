@@ -2,15 +2,16 @@
 
 #include <condition_variable>
 #include <cstddef>
-#include <memory>
+#include <cstdint>
+#include <list>
 #include <mutex>
 #include <optional>
 #include <stop_token>
 
 namespace gridcast::server {
 
-/// Lets a few heavy pieces of work run at once; the others wait. More at once would only share the same cores
-/// and hold more memory.
+/// Lets a few pieces of work run at once; the others wait in the order of their arrival. For heavy work: more
+/// at once would only share the same cores and hold more memory. With one place: writers that take turns.
 class WorkGate {
  public:
   explicit WorkGate(std::size_t at_once) : free_(at_once) {}
@@ -31,11 +32,22 @@ class WorkGate {
     WorkGate* gate_;
   };
 
+  [[nodiscard]] std::size_t waiting() const {
+    const std::lock_guard lock(mutex_);
+    return waiting_.size();
+  }
+
   /// Waits for a place; nothing when `stop` came first.
   [[nodiscard]] std::optional<Permit> enter(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    if (!changed_.wait(lock, stop, [this] { return free_ > 0; })) return std::nullopt;
-    --free_;
+    const std::uint64_t ticket = next_ticket_++;
+    const auto place = waiting_.insert(waiting_.end(), ticket);
+    const bool entered = changed_.wait(lock, stop, [&] { return free_ > 0 && waiting_.front() == ticket; });
+    waiting_.erase(place);
+    if (entered) --free_;
+    // Whoever is first now may have waited for this one alone.
+    changed_.notify_all();
+    if (!entered) return std::nullopt;
     return Permit(this);
   }
 
@@ -45,11 +57,13 @@ class WorkGate {
       const std::lock_guard lock(mutex_);
       ++free_;
     }
-    changed_.notify_one();
+    changed_.notify_all();
   }
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable_any changed_;
+  std::list<std::uint64_t> waiting_;  ///< tickets, in order
+  std::uint64_t next_ticket_ = 0;
   std::size_t free_;
 };
 

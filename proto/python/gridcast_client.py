@@ -28,6 +28,7 @@ NO_ID = 0xFFFFFFFF
 RAYS_TYPE = "application/vnd.gridcast.rays"
 HITS_TYPE = "application/vnd.gridcast.hits"
 VERTICES_TYPE = "application/vnd.gridcast.vertices"
+INSTANCES_TYPE = "application/vnd.gridcast.instances"
 DTYPES = {"F64": "<f8", "F32": "<f4", "U32": "<u4", "U8": "u1"}
 
 
@@ -262,8 +263,30 @@ class Scene:
 
     def move(self, transforms, if_version=None):
         """Moves instances in one version: {instance id: [3, 4] or [4, 4] matrix, world from object}."""
-        moves = [{"instance_id": int(i), "transform": np.asarray(m, float).tolist()} for i, m in transforms.items()]
-        return self._json("PATCH", "/instances", {"moves": moves}, if_version=if_version)
+        matrices = [np.asarray(matrix, float)[:3] for matrix in transforms.values()]
+        return self.move_many(list(transforms), matrices, if_version=if_version)
+
+    def move_many(self, instance_ids, matrices, if_version=None):
+        """Moves instances in one version: ids [K] and matrices [K, 3, 4], float64 or float32, as raw columns."""
+        matrices = np.asarray(matrices)
+        kind = np.dtype(np.float32 if matrices.dtype == np.float32 else np.float64)
+        rows = np.ascontiguousarray(matrices, kind.newbyteorder("<")).reshape(len(instance_ids), 3, 4)
+        body = np.ascontiguousarray(instance_ids, "<u4").tobytes() + rows.tobytes()
+        return self._json("PATCH", "/instances", body, f"{INSTANCES_TYPE}; dtype={kind.name}", if_version)
+
+    def transact(self, edits, if_version=None):
+        """Many edits in one version, all or none: [{"op": "move_instance", "instance_id": 3, "transform": ...}, ...].
+
+        Returns {"edits": [what became of each], ...}.
+        """
+        return self._json("POST", "/transactions", {"edits": edits}, if_version=if_version)
+
+    def fork(self, name=None, if_version=None):
+        """A copy of the scene at its version, which goes its own way."""
+        headers = {} if if_version is None else {"If-Match": f'"{if_version}"'}
+        body, _ = self.service.request("POST", self.path + ":fork" + _query({"name": name}), b"", headers=headers)
+        info = json.loads(body)
+        return Scene(self.service, info["id"], info)
 
     def remove_instance(self, instance_id, if_version=None):
         """Removes an instance; its id stays unused."""

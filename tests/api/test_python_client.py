@@ -54,6 +54,23 @@ def test_it_moves_deforms_and_renders(row):
     assert picture.startswith(b"\x89PNG")
 
 
+def test_it_transacts_forks_and_moves_by_columns(row, library):
+    copy = row.fork(name="python-copy", if_version=row.version)
+    try:
+        done = copy.transact([{"op": "add_instance", "mesh_id": 0}, {"op": "remove_instance", "instance_id": 1}])
+        assert done["edits"][0]["instance_id"] == 6 and copy.version == row.version + 1
+        lifted = np.tile(np.eye(4, dtype=np.float32)[:3], (2, 1, 1))
+        lifted[:, 1, 3] = 3.0
+        assert copy.move_many([0, 6], lifted)["moved"] == 2
+        assert copy.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(6.0)
+        assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(9.0)
+        with pytest.raises(library.GridcastError) as refused:
+            copy.transact([{"op": "remove_instance", "instance_id": 99}])
+        assert (refused.value.status, refused.value.pointer) == (422, "/edits/0/instance_id")
+    finally:
+        copy.delete()
+
+
 def test_it_starts_watches_and_cancels_jobs(row, library):
     job = row.start_render(width_px=64, height_px=48)
     states = list(job.events())

@@ -52,6 +52,11 @@ TEST(Contract, vocabularies_are_the_published_ones) {
   EXPECT_EQ(words(kHitFieldNames), schema("HitField").at("enum"));
   EXPECT_EQ(words(kLayerNames), schema("LayerName").at("enum"));
   EXPECT_EQ(words(kIntegratorNames), schema("Render").at("properties").at("integrator").at("enum"));
+  const Json& reply = schema("TransactionReply").at("properties").at("edits").at("items").at("properties");
+  EXPECT_EQ(words(kEditNames), reply.at("op").at("enum"));
+  const Json& edits = schema("Transaction").at("properties").at("edits").at("items").at("oneOf");
+  for (std::size_t i = 0; i < kEditNames.size(); ++i)
+    EXPECT_EQ(edits.at(i).at("properties").at("op").at("const"), kEditNames[i]);
   EXPECT_EQ(words(kImageFormatNames), schema("Render").at("properties").at("format").at("enum"));
 }
 
@@ -64,6 +69,7 @@ TEST(Contract, published_limits_are_the_defaults) {
   EXPECT_EQ(schema("Rays").at("properties").at("origins").at("maxItems"), limits.json_rays);
   EXPECT_EQ(schema("Rays").at("properties").at("deadline_ms").at("maximum"), limits.deadline_ms);
   EXPECT_EQ(schema("Moves").at("properties").at("moves").at("maxItems"), limits.instances_per_patch);
+  EXPECT_EQ(schema("Transaction").at("properties").at("edits").at("maxItems"), limits.transaction_edits);
   EXPECT_EQ(schema("NewInstance").at("properties").at("name").at("maxLength"), limits.name_bytes);
   const Json published = Json::parse(to_json(limits));
   for (const auto& [name, property] : schema("Limits").at("properties").items())

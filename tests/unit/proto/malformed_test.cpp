@@ -8,6 +8,7 @@
 #include "proto/ray_request.h"
 #include "proto/render_request.h"
 #include "proto/scene_request.h"
+#include "proto/transaction.h"
 #include "proto/vertex_request.h"
 #include "tests/unit/proto/problem_matcher.h"
 
@@ -153,6 +154,47 @@ TEST(MalformedJson, a_long_unknown_member_is_cut_in_the_pointer) {
   EXPECT_EQ(outcome, "unknown_field 422 /" + std::string(64, 'k'));
 }
 
+TEST(MalformedJson, transactions_name_the_edit_and_the_place_in_it) {
+  Limits limits;
+  limits.transaction_edits = 2;
+  const std::string identity = "[[1,0,0,0],[0,1,0,0],[0,0,1,0]]";
+  const std::string fine = R"({"op":"remove_instance","instance_id":1})";
+  const auto second = [&](const std::string& edit) { return "{\"edits\":[" + fine + "," + edit + "]}"; };
+  const std::vector<Case> cases{
+      {"{}", "missing_field 422 /edits"},
+      {R"({"edits":{}})", "wrong_type 422 /edits"},
+      {R"({"edits":[]})", "out_of_range 422 /edits"},
+      {"{\"edits\":[" + fine + "," + fine + "," + fine + "]}", "out_of_range 422 /edits"},
+      {second("3"), "wrong_type 422 /edits/1"},
+      {second("{}"), "missing_field 422 /edits/1/op"},
+      {second(R"({"op":3})"), "wrong_type 422 /edits/1/op"},
+      {second(R"({"op":"grow"})"), "invalid_value 422 /edits/1/op"},
+      {second(R"({"op":"remove_instance","op":"remove_instance","instance_id":1})"),
+       "duplicate_field 400 /edits/1/op"},
+      {second(R"({"op":"remove_instance"})"), "missing_field 422 /edits/1/instance_id"},
+      {second(R"({"op":"remove_instance","instance_id":4294967295})"),
+       "out_of_range 422 /edits/1/instance_id"},
+      {second(R"({"op":"remove_instance","instance_id":1,"transform":)" + identity + "}"),
+       "unknown_field 422 /edits/1/transform"},
+      {second(R"({"op":"move_instance","instance_id":1})"), "missing_field 422 /edits/1/transform"},
+      {second(R"({"op":"move_instance","instance_id":1,"transform":[[1,0,0,0],[0,1,0],[0,0,1,0]]})"),
+       "wrong_length 422 /edits/1/transform/1"},
+      {second(R"({"op":"add_instance"})"), "missing_field 422 /edits/1/mesh_id"},
+      {second(R"({"op":"add_instance","mesh_id":0,"name":"\n"})"), "invalid_value 422 /edits/1/name"},
+      {second(R"({"op":"replace_vertices","mesh_id":0})"), "missing_field 422 /edits/1/positions"},
+      {second(R"({"op":"replace_vertices","mesh_id":0,"positions":[]})"),
+       "wrong_length 422 /edits/1/positions"},
+      {second(R"({"op":"replace_vertices","mesh_id":0,"positions":[[0,0,1e39]]})"),
+       "out_of_range 422 /edits/1/positions/0"},
+      {second(R"({"op":"replace_vertices","mesh_id":0,"positions":[[0,0,1]],"vertex_ids":[1,2]})"),
+       "wrong_length 422 /edits/1/vertex_ids"},
+      {second(R"({"op":"replace_vertices","mesh_id":0,"positions":[[0,0,1]],"update":"now"})"),
+       "invalid_value 422 /edits/1/update"},
+      {second(R"({"op":"add_instance","mesh_id":0,"transform":)" + identity + R"(,"name":"x"})"), "ok"},
+  };
+  for (const Case& c : cases) EXPECT_EQ(outcome(parse_transaction(c.body, limits)), c.expected) << c.body;
+}
+
 TEST(MalformedJson, instances_and_scenes_are_checked_to_the_last_number) {
   const Limits limits;
   const std::string identity = "[[1,0,0,0],[0,1,0,0],[0,0,1,0]]";
@@ -183,7 +225,8 @@ TEST(MalformedJson, instances_and_scenes_are_checked_to_the_last_number) {
       {R"({"moves":[{"instance_id":1,"transform":)" + identity + "}]}", "ok"},
       {R"({"moves":[]})", "ok"},
   };
-  for (const Case& c : moves) EXPECT_EQ(outcome(parse_move_instances(c.body, limits)), c.expected) << c.body;
+  for (const Case& c : moves)
+    EXPECT_EQ(outcome(parse_move_instances("application/json", c.body, limits)), c.expected) << c.body;
   const std::vector<Case> adds{
       {"{}", "missing_field 422 /mesh_id"},
       {R"({"mesh_id":4294967295})", "out_of_range 422 /mesh_id"},

@@ -9,6 +9,7 @@
 #include "proto/ray_request.h"
 #include "proto/render_request.h"
 #include "proto/scene_request.h"
+#include "proto/transaction.h"
 #include "proto/vertex_request.h"
 #include "tests/support/random.h"
 #include "tests/unit/proto/problem_matcher.h"
@@ -63,14 +64,19 @@ TEST(Mutation, damaged_json_is_answered) {
   const std::string render = R"({"camera":{"eye":[3,2,4],"target":[0,0,0],"yfov_deg":40},"width_px":800,)"
                              R"("layers":["depth"],"format":"exr","samples":4})";
   const std::string vertices = R"({"positions":[[0,1.5,0],[1,2,3]],"vertex_ids":[12,13],"update":"refit"})";
+  const std::string transaction =
+      R"({"edits":[{"op":"remove_instance","instance_id":1},{"op":"replace_vertices","mesh_id":0,)"
+      R"("positions":[[0,1,2]],"vertex_ids":[3]},{"op":"add_instance","mesh_id":2,"name":"x"}]})";
   int refused = 0;
   for (int i = 0; i < 4000; ++i) {
+    const std::string edits = mutate(transaction, random);
+    ASSERT_TRUE(is_sane(parse_transaction(edits, limits))) << edits;
     const std::string body = mutate(rays, random);
     const auto parsed = parse_ray_request("application/json", body, {}, limits);
     refused += parsed.ok() ? 0 : 1;
     ASSERT_TRUE(is_sane(parsed)) << body;
     const std::string other = mutate(moves, random);
-    ASSERT_TRUE(is_sane(parse_move_instances(other, limits))) << other;
+    ASSERT_TRUE(is_sane(parse_move_instances("application/json", other, limits))) << other;
     const std::string picture = mutate(render, random);
     ASSERT_TRUE(is_sane(parse_render_request(picture, "*/*", limits))) << picture;
     const std::string mesh = mutate(vertices, random);
@@ -91,6 +97,10 @@ TEST(Mutation, damaged_binary_and_headers_are_answered) {
       const RayBatch batch = rays.value().batch();
       for (std::size_t k = 0; k < batch.size(); ++k) (void)is_valid(batch[k]);
     }
+    const std::string dtype = i % 3 == 0 ? "; dtype=float32" : "";
+    ASSERT_TRUE(is_sane(
+        parse_move_instances(mutate("application/vnd.gridcast.instances" + dtype, random), body, Limits{})));
+    ASSERT_TRUE(is_sane(parse_move_instances("application/vnd.gridcast.instances" + dtype, body, Limits{})));
     const std::string layout = i % 2 == 0 ? "; layout=sparse" : "";
     ASSERT_TRUE(
         is_sane(parse_vertex_request("application/vnd.gridcast.vertices" + layout, body, {}, Limits{})));

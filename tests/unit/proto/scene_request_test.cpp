@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/media_type.h"
 #include "proto/render_request.h"
 #include "proto/vertex_request.h"
 #include "tests/unit/proto/problem_matcher.h"
@@ -57,12 +58,59 @@ TEST(SceneRequest, the_number_of_moves_is_limited) {
   for (int i = 0; i < 3; ++i) {
     moves += std::string(i == 0 ? "" : ",") + R"({"instance_id":)" + std::to_string(i) +
              R"(,"transform":[[1,0,0,0],[0,1,0,0],[0,0,1,0]]})";
-    const auto parsed = parse_move_instances("{\"moves\":[" + moves + "]}", limits);
+    const auto parsed = parse_move_instances("application/json", "{\"moves\":[" + moves + "]}", limits);
     EXPECT_EQ(outcome(parsed), i < 2 ? "ok" : "out_of_range 422 /moves");
     if (parsed.ok()) {
       EXPECT_EQ(parsed.value().size(), std::size_t(i) + 1);
     }
   }
+}
+
+/// uint32 ids, then 3x4 rows counting up from 1.
+template <class Scalar>
+std::string binary_moves(const std::vector<std::uint32_t>& ids) {
+  std::string body(reinterpret_cast<const char*>(ids.data()), ids.size() * sizeof(std::uint32_t));
+  std::vector<Scalar> rows(ids.size() * 12);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = Scalar(i + 1);
+  return body.append(reinterpret_cast<const char*>(rows.data()), rows.size() * sizeof(Scalar));
+}
+
+TEST(SceneRequest, binary_moves_are_ids_and_then_rows) {
+  const std::string type(kInstancesMediaType);
+  for (const bool is_float : {false, true}) {
+    const auto moves =
+        is_float ? parse_move_instances(type + "; dtype=float32", binary_moves<float>({7, 3}), Limits{})
+                 : parse_move_instances(type, binary_moves<double>({7, 3}), Limits{});
+    ASSERT_EQ(outcome(moves), "ok");
+    ASSERT_EQ(moves.value().size(), 2U);
+    EXPECT_EQ(moves.value()[0].instance_id, 7U);
+    EXPECT_EQ(moves.value()[1].instance_id, 3U);
+    EXPECT_EQ(moves.value()[0].world_from_object.translation, Vec3d(4, 8, 12));
+    EXPECT_EQ(moves.value()[1].world_from_object.translation, Vec3d(16, 20, 24));
+    EXPECT_EQ(moves.value()[0].world_from_object.vector({1, 0, 0}), Vec3d(1, 5, 9));
+  }
+}
+
+TEST(SceneRequest, binary_moves_that_do_not_fit_are_refused) {
+  const std::string type(kInstancesMediaType);
+  const std::string body = binary_moves<double>({7, 3});
+  for (std::size_t n = 0; n <= body.size(); ++n)
+    EXPECT_EQ(outcome(parse_move_instances(type, body.substr(0, n), Limits{})),
+              n == 100 || n == 200 ? "ok" : "wrong_length 422 ")
+        << n;
+  EXPECT_EQ(outcome(parse_move_instances(type, binary_moves<double>({7, 3, 5, 3}), Limits{})),
+            "duplicate_id 422 /moves/3/instance_id");
+  EXPECT_EQ(outcome(parse_move_instances(type + "; dtype=int8", body, Limits{})),
+            "unsupported_media_type 415 Content-Type");
+  EXPECT_EQ(outcome(parse_move_instances(type + "; rows=3", body, Limits{})),
+            "unsupported_media_type 415 Content-Type");
+  EXPECT_EQ(outcome(parse_move_instances("text/plain", body, Limits{})),
+            "unsupported_media_type 415 Content-Type");
+  Limits limits;
+  limits.binary_instances = 1;
+  EXPECT_EQ(outcome(parse_move_instances(type, body, limits)), "out_of_range 422 /moves");
+  limits.binary_bytes = 199;
+  EXPECT_EQ(outcome(parse_move_instances(type, body, limits)), "payload_too_large 413 ");
 }
 
 TEST(SceneRequest, pages_have_a_largest_size) {

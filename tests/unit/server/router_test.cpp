@@ -35,6 +35,17 @@ TEST(Router, an_unknown_method_names_the_known_ones) {
   EXPECT_EQ(match.allowed, "GET, HEAD, DELETE");
 }
 
+TEST(Router, a_capture_may_have_an_end) {
+  Router router = three_routes();
+  router.add({"POST", "/v1/scenes/{s}:fork", {}, {}});
+  const Router::Match match = router.match("POST", "/v1/scenes/a:b:fork");
+  ASSERT_NE(match.route, nullptr);
+  EXPECT_EQ(match.captures.at("s"), "a:b");
+  EXPECT_EQ(router.match("POST", "/v1/scenes/:fork").route, nullptr);
+  EXPECT_EQ(router.match("POST", "/v1/scenes/a").route, nullptr);
+  EXPECT_EQ(router.match("POST", "/v1/scenes/a:fork2").route, nullptr);
+}
+
 TEST(Router, unknown_and_malformed_paths_match_nothing) {
   const Router router = three_routes();
   for (const char* path :

@@ -80,6 +80,34 @@ TEST(WorkGate, waits_for_a_place_or_for_the_stop) {
   EXPECT_TRUE(gate.enter(std::stop_token()));
 }
 
+TEST(WorkGate, lets_in_whoever_came_first) {
+  WorkGate gate(1);
+  auto first = gate.enter({});
+  std::atomic<int> arrived{0};
+  std::vector<int> order;
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i) {
+    // The next one comes when this one waits; one of them gives up and must not stop the others.
+    const std::size_t before = gate.waiting();
+    threads.emplace_back([&, i] {
+      std::stop_source stop;
+      std::jthread impatient;
+      if (i == 3) impatient = std::jthread([&] { stop.request_stop(); });
+      if (i == 3 && !gate.enter(stop.get_token())) return void(++arrived);
+      const auto permit = gate.enter({});
+      order.push_back(i);
+    });
+    while (gate.waiting() == before && arrived == 0) std::this_thread::yield();
+    if (i == 3) {
+      while (arrived == 0) std::this_thread::yield();
+      arrived = 0;
+    }
+  }
+  first.reset();
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(order, (std::vector<int>{0, 1, 2, 4, 5, 6, 7}));
+}
+
 TEST(WorkerPool, refuses_when_all_are_busy_and_the_queue_is_full) {
   std::mutex mutex;
   std::condition_variable changed;

@@ -1,0 +1,107 @@
+#include "proto/media_type.h"
+#include "proto/transaction.h"
+#include "proto/vocabulary.h"
+#include "server/api.h"
+#include "server/problem.h"
+
+namespace gridcast::server {
+namespace {
+
+using proto::Problem;
+using proto::ProblemCode;
+
+struct ToSceneEdit {
+  scene::SceneEdit operator()(proto::AddInstanceRequest& edit) const {
+    return scene::AddInstance{edit.mesh_id, edit.world_from_object, std::move(edit.name)};
+  }
+  scene::SceneEdit operator()(proto::InstanceMove& edit) const {
+    return scene::MoveInstance{edit.instance_id, edit.world_from_object};
+  }
+  scene::SceneEdit operator()(proto::RemoveInstanceRequest& edit) const {
+    return scene::RemoveInstance{edit.instance_id};
+  }
+  scene::SceneEdit operator()(proto::MeshVerticesRequest& edit) const {
+    return scene::ReplaceVertices{edit.mesh_id, std::move(edit.vertices.positions),
+                                  std::move(edit.vertices.vertex_ids),
+                                  scene::parse_update_mode(edit.vertices.update).value()};
+  }
+};
+
+/// Core's names of an edit's members are the wire's, but for two.
+std::string pointer_of_edits(const std::string& pointer) {
+  std::string wire = pointer;
+  for (const auto& [core, name] : {std::pair{"/world_from_object", "/transform"}, {"/mode", "/update"}})
+    if (const std::size_t at = wire.rfind(core); at != std::string::npos)
+      wire.replace(at, std::string_view(core).size(), name);
+  return wire;
+}
+
+/// The replies of the edits, in their order; the report's lists hold those of their kind in the same order.
+std::vector<proto::EditReply> edit_replies(const std::vector<scene::SceneEdit>& edits,
+                                           const scene::UpdateReport& report) {
+  std::vector<proto::EditReply> replies;
+  replies.reserve(edits.size());
+  auto added = report.added_instances.begin();
+  auto mesh = report.meshes.begin();
+  for (const scene::SceneEdit& edit : edits) {
+    proto::EditReply reply;
+    if (const auto* add = std::get_if<scene::AddInstance>(&edit)) {
+      reply = {std::string(proto::kEditNames[0]), *added++, add->mesh_id, std::nullopt};
+    } else if (const auto* move = std::get_if<scene::MoveInstance>(&edit)) {
+      reply = {std::string(proto::kEditNames[1]), move->instance_id, std::nullopt, std::nullopt};
+    } else if (const auto* removed = std::get_if<scene::RemoveInstance>(&edit)) {
+      reply = {std::string(proto::kEditNames[2]), removed->instance_id, std::nullopt, std::nullopt};
+    } else {
+      reply = {std::string(proto::kEditNames[3]), std::nullopt, mesh->mesh_id,
+               proto::EditReply::Vertices{std::string(to_string(mesh->action)), mesh->reason,
+                                          mesh->cost_before, mesh->cost_after}};
+      ++mesh;
+    }
+    replies.push_back(std::move(reply));
+  }
+  return replies;
+}
+
+/// The scene is there; what an edit names inside of it and is not there makes the body invalid.
+Problem in_body(Problem problem) {
+  if (problem.code == ProblemCode::kInstanceNotFound || problem.code == ProblemCode::kMeshNotFound)
+    problem.code = ProblemCode::kInvalidValue;
+  return problem;
+}
+
+HttpResponse post_transaction(Api& api, const HttpRequest& request, Cancellation& cancellation) {
+  Timing timing;
+  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  auto opened = open_scene(api, request);
+  if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
+  auto parsed = proto::parse_transaction(request.body, api.limits);
+  if (!parsed) return problem_response(parsed.problem());
+  std::vector<scene::SceneEdit> edits;
+  edits.reserve(parsed->size());
+  for (proto::TransactionEdit& edit : *parsed) edits.push_back(std::visit(ToSceneEdit{}, edit));
+  timing.mark("parse");
+  const auto permit = api.update_gate.enter(cancellation.token());
+  if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
+  timing.mark("wait");
+  auto result =
+      update_scene(api, *std::get<OpenScene>(opened).named, request, edits, cancellation, pointer_of_edits);
+  if (auto* problem = std::get_if<Problem>(&result)) return problem_response(in_body(std::move(*problem)));
+  timing.mark("update");
+  const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
+  const std::uint64_t version = updated.scene->version();
+  HttpResponse response = versioned_json(
+      to_json(proto::TransactionReply{version, edit_replies(edits, updated.report), updated.report.ms}),
+      version);
+  return response.with("Server-Timing", timing.header());
+}
+
+}  // namespace
+
+void add_transaction_routes(Router& router, Api& api) {
+  router.add({"POST",
+              "/v1/scenes/{s}/transactions",
+              {{std::string(proto::kJsonMediaType), api.limits.json_bytes}},
+              [&api](const HttpRequest& r, Cancellation& c) { return post_transaction(api, r, c); }});
+}
+
+}  // namespace gridcast::server
