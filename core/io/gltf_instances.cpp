@@ -19,7 +19,6 @@ void add_instance(ImportContext& context, const PlacedNode& node, const Affine& 
   instance.mesh_id = std::uint32_t(node.source.mesh);
   instance.world_from_object = world;
   instance.node = node.place;
-  if (node.source.skin >= 0) instance.skin_id = std::uint32_t(node.source.skin);
 }
 
 /// One attribute of EXT_mesh_gpu_instancing: `count` elements, or none when the file does not have it.
@@ -50,7 +49,7 @@ void add_gpu_instances(ImportContext& context, const PlacedNode& node, const tin
   const auto translations = read_attribute(context, attributes, "TRANSLATION", 3, count, where);
   const auto rotations = read_attribute(context, attributes, "ROTATION", 4, count, where);
   const auto scales = read_attribute(context, attributes, "SCALE", 3, count, where);
-  context.storage.budget().take(count, sizeof(scene::InstanceData), where);
+  context.storage.budget().take(count, sizeof(scene::InstanceData) + sizeof(Affine), where);
   out.instances.reserve(out.instances.size() + count);
   const auto vector = [](const std::vector<float>& values, std::size_t i, double otherwise) {
     return values.empty() ? Vec3d(otherwise) : Vec3d(values[3 * i], values[3 * i + 1], values[3 * i + 2]);
@@ -59,8 +58,10 @@ void add_gpu_instances(ImportContext& context, const PlacedNode& node, const tin
     std::array<double, 4> rotation{0.0, 0.0, 0.0, 1.0};
     if (!rotations.empty())
       for (std::size_t c = 0; c < 4; ++c) rotation[c] = double(rotations[4 * i + c]);
-    const Affine local = affine_from_trs(vector(translations, i, 0.0), rotation, vector(scales, i, 1.0));
+    const Affine local = affine_from_trs({vector(translations, i, 0.0), rotation, vector(scales, i, 1.0)});
     add_instance(context, node, node.world * local, out);
+    out.instances.back().entry = std::uint32_t(out.entries.size());
+    out.entries.push_back(local);
   }
 }
 
@@ -70,16 +71,17 @@ void add_instances(ImportContext& context, const PlacedNode& node, scene::SceneD
   if (node.source.mesh < 0) return;
   const auto gpu = node.source.extensions.find("EXT_mesh_gpu_instancing");
   if (gpu != node.source.extensions.end() && gpu->second.Has("attributes")) {
+    if (node.source.skin >= 0)
+      context.warnings.add(pointer("nodes", node.file_index) +
+                           ": a mesh that EXT_mesh_gpu_instancing places is not skinned");
     add_gpu_instances(context, node, gpu->second.Get("attributes"), out);
     return;
   }
-  if (node.source.skin >= 0)
-    context.warnings.add(pointer("nodes", node.file_index) +
-                         ": a skinned mesh is placed undeformed, by its node");
-  if (glm::determinant(node.world.linear) == 0.0)
+  if (node.source.skin < 0 && glm::determinant(node.world.linear) == 0.0)
     context.warnings.add(pointer("nodes", node.file_index) +
                          ": the transform is singular, so nothing of it is hit");
   add_instance(context, node, node.world, out);
+  if (node.source.skin >= 0) out.instances.back().skin_id = std::uint32_t(node.source.skin);
 }
 
 void add_camera(ImportContext& context, const PlacedNode& node, scene::SceneData& out) {

@@ -160,6 +160,7 @@ void MeshBuilder::join_targets() {
         joined.resize(std::size_t(block.base) + block.count, Vec3f(0.F));
       }
     }
+    make_sparse(deformation_.morph_targets[t]);
   }
 }
 

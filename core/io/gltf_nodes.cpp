@@ -18,13 +18,14 @@ scene::Node make_node(const tinygltf::Node& source, std::uint32_t file_index, st
   node.weights.assign(source.weights.begin(), source.weights.end());
   if (source.matrix.size() == 16) {
     node.local = affine_from_matrix(source.matrix.data());
+    node.trs = trs_from_affine(node.local);
     return node;
   }
   const auto& [t, r, s] = std::tie(source.translation, source.rotation, source.scale);
-  if (t.size() == 3) node.translation = {t[0], t[1], t[2]};
-  if (r.size() == 4) node.rotation = {r[0], r[1], r[2], r[3]};
-  if (s.size() == 3) node.scale = {s[0], s[1], s[2]};
-  node.local = affine_from_trs(node.translation, node.rotation, node.scale);
+  if (t.size() == 3) node.trs.translation = {t[0], t[1], t[2]};
+  if (r.size() == 4) node.trs.rotation = {r[0], r[1], r[2], r[3]};
+  if (s.size() == 3) node.trs.scale = {s[0], s[1], s[2]};
+  node.local = affine_from_trs(node.trs);
   return node;
 }
 

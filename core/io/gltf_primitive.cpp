@@ -141,7 +141,7 @@ void read_targets(ImportContext& context, const tinygltf::Primitive& primitive, 
     return values;
   };
   for (const Attributes& target : primitive.targets)
-    out.targets.push_back({displacement(target, "POSITION"), displacement(target, "NORMAL")});
+    out.targets.push_back({displacement(target, "POSITION"), displacement(target, "NORMAL"), {}});
 }
 
 }  // namespace

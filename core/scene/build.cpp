@@ -6,6 +6,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "core/scene/pose.h"
 #include "core/scene/scene_editor.h"
 
 namespace gridcast::scene {
@@ -37,40 +38,62 @@ Status check_instances(const SceneData& data) {
   return ok_status();
 }
 
-/// Meshes with morph targets or joints are going to be refitted: their trees share no triangle between
-/// leaves.
-blas::BuildOptions options_for(const SceneData& data, std::size_t mesh_id, blas::BuildOptions options) {
-  if (mesh_id < data.deformations.size() && !data.deformations[mesh_id].empty()) {
+/// Meshes that deform are going to be refitted: their trees share no triangle between leaves.
+blas::BuildOptions options_for(const RigMesh& mesh, blas::BuildOptions options) {
+  if (mesh.deforms) {
     options.motion = blas::MeshMotion::kDeforms;
     options.spatial = blas::SpatialSplits::kNever;
   }
   return options;
 }
 
+/// What structures are built over: the file's meshes, bent as its nodes stand.
+struct Sources {
+  const SceneData& data;
+  const Rig& rig;
+  const std::vector<Affine>& worlds;
+
+  [[nodiscard]] std::size_t triangle_count(std::size_t mesh_id) const {
+    return data.meshes[rig.meshes[mesh_id].source_mesh]->triangle_count();
+  }
+  /// The file's own mesh where that is what the rest pose looks like.
+  [[nodiscard]] std::shared_ptr<const mesh::TriangleMesh> mesh_at_rest(std::size_t mesh_id) const {
+    const RigMesh& rigged = rig.meshes[mesh_id];
+    const auto& source = data.meshes[rigged.source_mesh];
+    const bool morphs = std::ranges::any_of(rigged.weights, [](float weight) { return weight != 0.F; });
+    if (rigged.skin_id == kInvalidId && !morphs) return source;
+    mesh::DeformedVertices bent = posed_vertices(data, rig, std::uint32_t(mesh_id), rigged.weights, worlds);
+    auto mesh = std::make_shared<mesh::TriangleMesh>(*source);
+    mesh->positions = std::move(bent.positions);
+    mesh->normals = std::move(bent.normals);
+    return mesh;
+  }
+};
+
 using BuiltMeshes = std::vector<Result<blas::Blas>>;
 
 /// Checks and builds every mesh, the largest first so that the last task is a small one.
-BuiltMeshes build_meshes(const SceneData& data, const SceneBuildOptions& options) {
-  const std::size_t count = data.meshes.size();
+BuiltMeshes build_meshes(const Sources& sources, const SceneBuildOptions& options) {
+  const std::size_t count = sources.rig.meshes.size();
   BuiltMeshes built(count, Result<blas::Blas>(cancelled()));
   std::vector<std::size_t> order(count);
   std::iota(order.begin(), order.end(), std::size_t(0));
   std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return data.meshes[a]->triangle_count() > data.meshes[b]->triangle_count();
+    return sources.triangle_count(a) > sources.triangle_count(b);
   });
   double total = 1.0;
-  for (const auto& mesh : data.meshes) total += double(mesh->triangle_count());
+  for (std::size_t id = 0; id < count; ++id) total += double(sources.triangle_count(id));
 
   std::atomic<std::size_t> done_triangles = 0;
   const auto build_one = [&](std::size_t rank) {
     const std::size_t id = order[rank];
     if (options.stop.stop_requested()) return;
-    const auto& mesh = data.meshes[id];
+    const auto mesh = sources.mesh_at_rest(id);
     if (Status valid = mesh::validate(*mesh); !valid) {
       built[id] = valid.error();
       return;
     }
-    built[id] = blas::Blas::build(mesh, options_for(data, id, options.blas), options.stop);
+    built[id] = blas::Blas::build(mesh, options_for(sources.rig.meshes[id], options.blas), options.stop);
     const std::size_t done = done_triangles += mesh->triangle_count();
     if (options.progress) options.progress(kMeshShare * double(done) / total);
   };
@@ -83,18 +106,25 @@ BuiltMeshes build_meshes(const SceneData& data, const SceneBuildOptions& options
   return built;
 }
 
+/// A skinned mesh stands where its joints are, whatever its node does (glTF 2.0, section 3.7.3.3).
+Affine place_of(const Sources& sources, std::size_t instance_id) {
+  const std::uint32_t skin_id = sources.rig.meshes[sources.rig.mesh_of_instance[instance_id]].skin_id;
+  return skin_id == kInvalidId ? sources.data.instances[instance_id].world_from_object
+                               : skin_frame(sources.rig, skin_id, sources.worlds);
+}
+
 /// Fills the slots in parallel and collects their boxes.
-std::vector<tlas::InstanceBox> place_instances(SceneEditor& editor, const SceneData& data) {
-  const std::size_t count = data.instances.size();
+std::vector<tlas::InstanceBox> place_instances(SceneEditor& editor, const Sources& sources) {
+  const std::size_t count = sources.data.instances.size();
   std::vector<tlas::InstanceBox> boxes(count);
   editor.reserve_instances(count);
   const std::size_t tasks = (count + kInstancesPerTask - 1) / kInstancesPerTask;
   tbb::parallel_for(std::size_t(0), tasks, [&](std::size_t task) {
     const std::size_t end = std::min(count, (task + 1) * kInstancesPerTask);
     for (std::size_t i = task * kInstancesPerTask; i < end; ++i) {
-      const InstanceData& from = data.instances[i];
       const auto id = std::uint32_t(i);
-      editor.set_instance(id, {InstanceTransform(from.world_from_object), from.mesh_id, true});
+      editor.set_instance(id,
+                          {InstanceTransform(place_of(sources, i)), sources.rig.mesh_of_instance[i], true});
       boxes[i] = editor.hit_box_of(id);
     }
   });
@@ -121,7 +151,11 @@ void warn_about_inactive(const Scene& scene, SceneData& data) {
 
 Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuildOptions& options) try {
   if (Status status = check_instances(data); !status) return status.error();
-  BuiltMeshes built = build_meshes(data, options);
+  if (Status status = check_rig(data); !status) return status.error();
+  const Rig rig = make_rig(data);
+  const std::vector<Affine> worlds = rest_worlds(data);
+  const Sources sources{data, rig, worlds};
+  BuiltMeshes built = build_meshes(sources, options);
   // The first invalid mesh by number, whatever the order of building; a cancelled build has no other error.
   if (options.stop.stop_requested()) return cancelled();
   SceneEditor editor;
@@ -131,7 +165,7 @@ Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuil
     editor.add_mesh(*std::move(built[id]));
   }
 
-  const std::vector<tlas::InstanceBox> boxes = place_instances(editor, data);
+  const std::vector<tlas::InstanceBox> boxes = place_instances(editor, sources);
   if (options.stop.stop_requested()) return cancelled();
   editor.set_top_level(tlas::TopLevel::build(boxes));
   warn_about_inactive(editor.scene(), data);

@@ -8,7 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "core/math/affine.h"
+#include "core/math/trs.h"
+#include "core/mesh/deformation.h"
 #include "core/mesh/triangle_mesh.h"
 
 namespace gridcast::scene {
@@ -58,11 +59,9 @@ struct Camera {
 /// A node of the file's hierarchy, kept for posing: parents come before children.
 struct Node {
   std::string name;
-  std::uint32_t parent = kInvalidId;  ///< index into SceneData::nodes
-  Affine local;                       ///< parent_from_node at rest
-  Vec3d translation{0.0};             ///< the same as TRS, identity parts when the file gave a matrix
-  std::array<double, 4> rotation{0.0, 0.0, 0.0, 1.0};
-  Vec3d scale{1.0};
+  std::uint32_t parent = kInvalidId;      ///< index into SceneData::nodes
+  Affine local;                           ///< parent_from_node at rest
+  Trs trs;                                ///< the same, as animations change it part by part
   std::uint32_t file_index = kInvalidId;  ///< the node's index in the file
   std::uint32_t mesh_id = kInvalidId;
   std::uint32_t skin_id = kInvalidId;
@@ -76,21 +75,8 @@ struct Skin {
   std::uint32_t skeleton = kInvalidId;
 };
 
-/// Displacements of one morph target, one per vertex of the mesh; empty = none of that kind.
-struct MorphTarget {
-  std::vector<Vec3f> positions;
-  std::vector<Vec3f> normals;
-};
-
-/// What of a mesh is needed to deform it; both empty for a static mesh.
-struct MeshDeformation {
-  std::vector<MorphTarget> morph_targets;
-  std::vector<float> default_weights;
-  std::uint32_t influences = 0;       ///< joints per vertex: 0, 4 or 8
-  std::vector<std::uint16_t> joints;  ///< [vertices, influences]
-  std::vector<float> weights;         ///< [vertices, influences]
-  [[nodiscard]] bool empty() const { return morph_targets.empty() && influences == 0; }
-};
+using mesh::MeshDeformation;
+using mesh::MorphTarget;
 
 enum class Interpolation : std::uint8_t { kStep, kLinear, kCubicSpline };
 enum class AnimationPath : std::uint8_t { kTranslation, kRotation, kScale, kWeights };
@@ -114,8 +100,9 @@ struct InstanceData {
   std::string name;
   std::uint32_t mesh_id = kInvalidId;
   Affine world_from_object;
-  std::uint32_t node = kInvalidId;  ///< index into SceneData::nodes
+  std::uint32_t node = kInvalidId;  ///< index into SceneData::nodes; none = not part of any pose
   std::uint32_t skin_id = kInvalidId;
+  std::uint32_t entry = kInvalidId;  ///< index into SceneData::entries; none = stands where its node does
 };
 
 struct SceneData {
@@ -124,6 +111,7 @@ struct SceneData {
       meshes;                                 ///< mesh_id = the file's mesh index; never null
   std::vector<MeshDeformation> deformations;  ///< one per mesh
   std::vector<InstanceData> instances;
+  std::vector<Affine> entries;  ///< node_from_object of instances that EXT_mesh_gpu_instancing placed
   std::vector<Material> materials;
   std::vector<Camera> cameras;
   std::vector<Light> lights;
