@@ -1,31 +1,17 @@
-// All hits of a ray: in order, each once, in pages that lose and repeat nothing; crossings that add up.
+// All hits of a ray: in order, each once, in pages that lose and repeat nothing.
 
 #include "core/scene/all_hits.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 
-#include "core/scene/points.h"
-#include "tests/unit/scene/scene_fixture.h"
+#include <oneapi/tbb/global_control.h>
+
+#include "tests/unit/scene/list_fixture.h"
 
 namespace gridcast::scene {
 namespace {
-
-constexpr blas::StructureKind kKinds[] = {blas::StructureKind::kBruteForce, blas::StructureKind::kBvh,
-                                          blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree,
-                                          blas::StructureKind::kEmbree};
-
-std::vector<double> rows_of(const std::vector<Ray>& rays) {
-  std::vector<double> rows;
-  for (const Ray& r : rays)
-    for (const double x :
-         {r.origin.x, r.origin.y, r.origin.z, r.tnear, r.direction.x, r.direction.y, r.direction.z, r.tfar})
-      rows.push_back(x);
-  return rows;
-}
-
-RayBatch batch_of(const std::vector<double>& rows) {
-  return {std::as_bytes(std::span(rows)), ScalarType::kFloat64, 8, {}};
-}
 
 HitLists all_hits(const Scene& scene, const std::vector<double>& rows, const AllHitsOptions& options = {}) {
   auto lists = intersect_all(scene, batch_of(rows), options);
@@ -112,63 +98,147 @@ TEST(AllHits, more_than_the_total_is_an_error) {
   EXPECT_EQ(lists.error().code, ErrorCode::kLimitExceeded);
 }
 
-TEST(CountHits, rays_at_vertices_and_edges_from_inside_wind_once_on_every_structure) {
-  test::Random random(test::seed_or(52));
-  const auto mesh = test::share(test::jittered_icosphere(3, 5));
+std::shared_ptr<const Scene> cloud_of(test::Random& random) {
+  SceneData data = meshes_only();
+  for (int i = 0; i < 40; ++i) place(data, random.below(4), random_affine(random, 3.0, 0.5));
+  return built(data);
+}
+
+std::vector<Ray> rays_into(const Scene& scene, test::Random& random, int count) {
   std::vector<Ray> rays;
-  std::vector<std::int32_t> expected;
-  for (int i = 0; i < 2000; ++i) {
-    const auto corners = mesh->corners(random.below(std::uint32_t(mesh->triangle_count())));
-    // The middle of the edge of two floats near each other is a double.
-    const Vec3d target = 0.5 * (Vec3d(corners[0]) + Vec3d(corners[i % 2 == 0 ? 0 : 1]));
-    const bool inside = i % 4 < 2;
-    const Vec3d origin = inside ? Vec3d(0.0) : 4.0 * random.direction();
-    rays.push_back({origin, target - origin});
-    expected.push_back(inside ? 1 : 0);
-  }
-  const std::vector<double> rows = rows_of(rays);
-  for (const blas::StructureKind kind : kKinds) {
-    SceneData data;
-    data.meshes = {mesh};
-    place(data, 0, {});
-    SceneBuildOptions build;
-    build.blas.kind = kind;
-    const auto counts = count_hits(*built(data, build), batch_of(rows), {});
-    ASSERT_TRUE(counts.ok());
-    ASSERT_EQ(counts->winding, expected) << int(kind);
-    std::size_t shared = 0;
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      ASSERT_EQ(counts->crossings[i] % 2, std::uint32_t(expected[i])) << i;
-      shared += std::size_t(counts->count[i] > counts->crossings[i]);
+  for (int i = 0; i < count; ++i) rays.push_back(random_ray(scene, random));
+  return rays;
+}
+
+TEST(AllHits, lists_are_every_triangle_tested_alone) {
+  test::Random random(test::seed_or(53));
+  const auto scene = cloud_of(random);
+  const std::vector<Ray> rays = rays_into(*scene, random, 150);
+  const HitLists lists = all_hits(*scene, rows_of(rays));
+  EXPECT_GT(lists.splits.back(), 100U);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    std::vector<Hit> expected;
+    mesh::ObjectRay object;
+    for (std::uint32_t id = 0; id < scene->instance_slots(); ++id) {
+      const Instance& instance = scene->instance(id);
+      const auto& mesh = scene->blas(instance.mesh_id).mesh();
+      const Ray local{instance.transform.point_to_object(rays[i].origin),
+                      instance.transform.vector_to_object(rays[i].direction), rays[i].tnear, rays[i].tfar};
+      if (!object.prepare(local, mesh.bounds())) continue;
+      object.instance_id = id;
+      for (std::uint32_t k = 0; k < mesh.triangle_count(); ++k) {
+        Hit one{.t = rays[i].tfar};
+        const auto [p0, p1, p2] = mesh.corners(k);
+        mesh::intersect_primitive<Precision::kRobust>(object, p0, p1, p2, k, one);
+        if (one.primitive_id != kInvalidId) expected.push_back(one);
+      }
     }
-    EXPECT_GT(shared, 200U) << "too few rays met several triangles at once to mean anything";
+    std::sort(expected.begin(), expected.end(), closer);
+    ASSERT_EQ(lists.splits[i + 1] - lists.splits[i], expected.size()) << i;
+    for (std::size_t k = 0; k < expected.size(); ++k) {
+      const std::size_t row = lists.splits[i] + k;
+      ASSERT_EQ(lists.hits.t[row], expected[k].t);
+      ASSERT_EQ(lists.hits.instance_id[row], expected[k].instance_id);
+      ASSERT_EQ(lists.hits.primitive_id[row], expected[k].primitive_id);
+    }
   }
 }
 
-TEST(PointsInside, places_and_nearest_points_of_a_box) {
-  SceneData data;
-  data.meshes = {test::share(test::box({-1, -1, -1}, {1, 1, 1})), test::share(test::quad_grid(2))};
-  place(data, 0, {});
-  place(data, 1, {Mat3d(4.0), Vec3d(10.0, 0.0, 0.0)});
-  const std::vector<double> rows{0, 0, 0, 1, 0.25, 0, 3, 0, 0, 10, 0, 0, 1, 1, 1, NAN, 0, 0};
+TEST(AllHits, lists_depend_neither_on_the_order_of_rays_nor_on_threads) {
+  test::Random random(test::seed_or(54));
+  const auto scene = cloud_of(random);
+  const std::vector<Ray> rays = rays_into(*scene, random, 3000);
+  std::vector<std::size_t> order(rays.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  for (std::size_t i = order.size(); i > 1; --i)
+    std::swap(order[i - 1], order[random.below(std::uint32_t(i))]);
+  std::vector<Ray> shuffled;
+  for (const std::size_t i : order) shuffled.push_back(rays[i]);
+  AllHitsOptions options;
+  options.max_hits = 5;
+  const HitLists lists = all_hits(*scene, rows_of(rays), options);
+  const HitLists others = all_hits(*scene, rows_of(shuffled), options);
+  std::size_t truncated = 0;
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const std::size_t i = order[k];
+    ASSERT_EQ(lists.status[i], others.status[k]);
+    truncated += std::size_t(lists.status[i] == RayStatus::kTruncated);
+    const std::uint64_t size = lists.splits[i + 1] - lists.splits[i];
+    ASSERT_EQ(others.splits[k + 1] - others.splits[k], size);
+    for (std::uint64_t j = 0; j < size; ++j) {
+      ASSERT_EQ(lists.hits.t[lists.splits[i] + j], others.hits.t[others.splits[k] + j]);
+      ASSERT_EQ(lists.hits.primitive_id[lists.splits[i] + j], others.hits.primitive_id[others.splits[k] + j]);
+    }
+  }
+  EXPECT_GT(truncated, 100U);
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  EXPECT_TRUE(same_lists(lists, all_hits(*scene, rows_of(rays), options)));
+}
+
+TEST(AllHits, the_closest_hit_again_and_again_gives_the_list) {
+  test::Random random(test::seed_or(55));
+  const auto scene = cloud_of(random);
+  const std::vector<Ray> rays = rays_into(*scene, random, 400);
+  const HitLists lists = all_hits(*scene, rows_of(rays));
+  std::size_t steps = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    Ray rest = rays[i];
+    std::uint64_t row = lists.splits[i];
+    for (;;) {
+      const SurfaceHit closest = intersect(*scene, rest);
+      if (closest.status != RayStatus::kHit) break;
+      ASSERT_LT(row, lists.splits[i + 1]);
+      ASSERT_EQ(lists.hits.t[row], closest.t);
+      ASSERT_EQ(lists.hits.instance_id[row], closest.instance_id);
+      ASSERT_EQ(lists.hits.primitive_id[row], closest.primitive_id);
+      // What shares its t follows it in the list, and does not come again.
+      while (row < lists.splits[i + 1] && lists.hits.t[row] == closest.t) ++row;
+      rest.tnear = std::nextafter(closest.t, std::numeric_limits<double>::infinity());
+      ++steps;
+    }
+    ASSERT_EQ(row, lists.splits[i + 1]);
+  }
+  EXPECT_GT(steps, 500U);
+}
+
+TEST(AllHits, fast_lists_page_and_begin_with_the_fast_closest_hit_on_every_structure) {
+  test::Random random(test::seed_or(56));
+  SceneData data = meshes_only();
+  for (int i = 0; i < 40; ++i) place(data, random.below(4), random_affine(random, 3.0, 0.5));
+  std::vector<Ray> rays;
+  HitLists first;
   for (const blas::StructureKind kind : kKinds) {
     SceneBuildOptions build;
     build.blas.kind = kind;
     const auto scene = built(data, build);
-    const PointBatch points{std::as_bytes(std::span(rows))};
-    const auto inside = points_inside(*scene, points, {});
-    ASSERT_TRUE(inside.ok());
-    using enum PointPlace;
-    EXPECT_EQ(inside->place,
-              (std::vector{kInside, kOnBoundary, kOutside, kOnBoundary, kOnBoundary, kInvalid}));
-    EXPECT_EQ(inside->winding[0], 1);
-    const auto nearest = nearest_points(*scene, points, {});
-    ASSERT_TRUE(nearest.ok());
-    EXPECT_EQ(nearest->distance[0], 1.0);
-    EXPECT_EQ(nearest->distance[1], 0.0);
-    EXPECT_EQ(nearest->distance[2], 2.0);
-    EXPECT_EQ(nearest->position[6], 1.0);
-    EXPECT_EQ(nearest->status[5], RayStatus::kInvalid);
+    AllHitsOptions options;
+    options.precision = Precision::kFast;
+    if (rays.empty()) {
+      rays = rays_into(*scene, random, 500);
+      first = all_hits(*scene, rows_of(rays), options);
+    }
+    const HitLists lists = all_hits(*scene, rows_of(rays), options);
+    ASSERT_TRUE(same_lists(first, lists)) << int(kind);
+    std::vector<HitPosition> after(rays.size());
+    std::vector<std::uint64_t> row(lists.splits.begin(), lists.splits.end() - 1);
+    options.max_hits = 3;
+    options.after = after;
+    for (int page = 0; page < 4; ++page) {
+      const HitLists part = all_hits(*scene, rows_of(rays), options);
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        for (std::uint64_t j = part.splits[i]; j < part.splits[i + 1]; ++j, ++row[i]) {
+          ASSERT_EQ(part.hits.t[j], lists.hits.t[row[i]]);
+          ASSERT_EQ(part.hits.instance_id[j], lists.hits.instance_id[row[i]]);
+          ASSERT_EQ(part.hits.primitive_id[j], lists.hits.primitive_id[row[i]]);
+          after[i] = {part.hits.t[j], part.hits.instance_id[j], part.hits.primitive_id[j]};
+        }
+      }
+    }
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      ASSERT_EQ(row[i], std::min(lists.splits[i + 1], lists.splits[i] + 12)) << "four pages of three";
+      if (lists.status[i] != RayStatus::kHit) continue;
+      ASSERT_EQ(lists.hits.t[lists.splits[i]], intersect(*scene, rays[i], Precision::kFast).t);
+    }
   }
 }
 
