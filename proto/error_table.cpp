@@ -35,6 +35,7 @@ constexpr std::array kProblems{
     ProblemKind{kInvalidValue, "invalid_value", 422, "A value is not allowed"},
     ProblemKind{kDuplicateId, "duplicate_id", 422, "An id is named twice"},
     ProblemKind{kTooManyRays, "too_many_rays", 413, "More rays than one request may have"},
+    ProblemKind{kTooManyPoints, "too_many_points", 413, "More points than one request may have"},
     ProblemKind{kInvalidGlb, "invalid_glb", 422, "The model breaks glTF 2.0"},
     ProblemKind{kUnsupportedExtension, "unsupported_extension", 422,
                 "The model needs an unsupported extension"},

@@ -36,6 +36,7 @@ enum class ProblemCode : std::uint8_t {
   kInvalidValue,
   kDuplicateId,
   kTooManyRays,
+  kTooManyPoints,
   kInvalidGlb,
   kUnsupportedExtension,
   // the state it meets

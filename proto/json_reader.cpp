@@ -44,8 +44,8 @@ Parsed<JsonDocument> JsonDocument::parse(std::string_view text, std::size_t max_
   return document;
 }
 
-ObjectReader::ObjectReader(const JsonNode& node, std::initializer_list<std::string_view> known)
-    : node_(node), known_(known), found_(known.size()) {
+ObjectReader::ObjectReader(const JsonNode& node, std::span<const std::string_view> known)
+    : node_(node), known_(known.begin(), known.end()), found_(known.size()) {
   simdjson::dom::object object;
   if (node.value.get(object) != simdjson::SUCCESS) {
     node.fail(ProblemCode::kWrongType, "must be an object");

@@ -60,11 +60,13 @@ class JsonDocument {
 /// The members of one object. Unknown and repeated members are problems.
 class ObjectReader {
  public:
-  ObjectReader(const JsonNode& node, std::initializer_list<std::string_view> known);
+  ObjectReader(const JsonNode& node, std::span<const std::string_view> known);
+  ObjectReader(const JsonNode& node, std::initializer_list<std::string_view> known)
+      : ObjectReader(node, std::span(known.begin(), known.size())) {}
   ObjectReader(const ObjectReader&) = delete;
   ObjectReader& operator=(const ObjectReader&) = delete;
 
-  /// Null when absent.
+  /// Null when absent. `name` is a known one.
   [[nodiscard]] const JsonNode* find(std::string_view name) const;
   /// Null when absent, which is a problem (missing_field).
   [[nodiscard]] const JsonNode* require(std::string_view name) const;

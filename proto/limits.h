@@ -17,6 +17,12 @@ struct Limits {
   /// 8 M rays of [8] float32, or 4 M of [8] float64.
   std::size_t binary_bytes = std::size_t(256) << 20;
   std::size_t binary_rays = std::size_t(8) << 20;
+  /// What `max_hits` may be, and is when not given.
+  std::size_t hits_per_ray = 65'536;
+  /// Of all rays of one answer: about 64 MB of JSON, or 200 MB of binary columns. The rows of points/inside
+  /// are bounded by the same numbers.
+  std::size_t json_hits = 500'000;
+  std::size_t binary_hits = std::size_t(4) << 20;
   std::size_t glb_bytes = std::size_t(512) << 20;
   int image_side_px = 8192;
   /// Width x height x samples: 1080p at 256 samples, or the largest image at 8.

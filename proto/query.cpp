@@ -9,7 +9,7 @@
 
 namespace gridcast::proto {
 
-QueryReader::QueryReader(const QueryParameters& parameters, std::initializer_list<std::string_view> known)
+QueryReader::QueryReader(const QueryParameters& parameters, std::span<const std::string_view> known)
     : parameters_(parameters) {
   for (std::size_t i = 0; i < parameters.size(); ++i) {
     const std::string& name = parameters[i].first;

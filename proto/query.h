@@ -20,7 +20,9 @@ using QueryParameters = std::vector<std::pair<std::string, std::string>>;
 /// Reads parameters one by one and keeps the first problem; after one, every getter returns its fallback.
 class QueryReader {
  public:
-  QueryReader(const QueryParameters& parameters, std::initializer_list<std::string_view> known);
+  QueryReader(const QueryParameters& parameters, std::span<const std::string_view> known);
+  QueryReader(const QueryParameters& parameters, std::initializer_list<std::string_view> known)
+      : QueryReader(parameters, std::span(known.begin(), known.size())) {}
 
   /// Null when the parameter is absent.
   [[nodiscard]] const std::string* find(std::string_view name) const;

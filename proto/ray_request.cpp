@@ -1,5 +1,6 @@
 #include "proto/ray_request.h"
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -15,6 +16,23 @@ constexpr std::size_t kRowColumns = 8;  // ox oy oz tnear dx dy dz tfar
 constexpr std::size_t kTnearColumn = 3;
 constexpr std::size_t kDirectionColumn = 4;
 constexpr std::size_t kTfarColumn = 7;
+
+/// Those of rays/all come last, so that the others know a first part of them.
+constexpr std::array<std::string_view, 11> kListMembers{"origins",     "directions", "tnear",  "tfar",
+                                                        "exclude",     "precision",  "fields", "stats",
+                                                        "deadline_ms", "max_hits",   "after"};
+constexpr std::array<std::string_view, 5> kListParameters{"precision", "fields", "stats", "deadline_ms",
+                                                          "max_hits"};
+std::span<const std::string_view> known_members(RayQuestion question) {
+  const std::span all(kListMembers);
+  return question == RayQuestion::kAll ? all : all.first(9);
+}
+std::span<const std::string_view> known_parameters(RayQuestion question) {
+  const std::span all(kListParameters);
+  return question == RayQuestion::kAll ? all : all.first(4);
+}
+
+constexpr std::string_view kCountIsRobust = "counts are decided as by robust, and no other way";
 
 Precision to_precision(std::string_view name) {
   return name == "fast" ? Precision::kFast : Precision::kRobust;
@@ -33,7 +51,7 @@ HitField read_fields(const JsonNode& node) {
   return fields;
 }
 
-void read_options(const ObjectReader& body, const Limits& limits, RayOptions& options) {
+void read_options(const ObjectReader& body, const Limits& limits, RayQuestion question, RayOptions& options) {
   if (const auto* node = body.find("precision"))
     options.precision = to_precision(read_choice(*node, kPrecisionNames));
   if (const auto* node = body.find("fields")) options.fields = read_fields(*node);
@@ -41,6 +59,8 @@ void read_options(const ObjectReader& body, const Limits& limits, RayOptions& op
     options.stats = read_flag(*node) ? StatsMode::kOn : StatsMode::kOff;
   if (const auto* node = body.find("deadline_ms"))
     options.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
+  if (const auto* node = question == RayQuestion::kAll ? body.find("max_hits") : nullptr)
+    options.max_hits = std::uint32_t(read_integer(*node, 1, limits.hits_per_ray));
 }
 
 /// fields=uv,normal
@@ -60,8 +80,8 @@ HitField read_query_fields(QueryReader& query, HitField fallback) {
 }
 
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
-                                   RayOptions& options) {
-  QueryReader query(parameters, {"precision", "fields", "stats", "deadline_ms"});
+                                   RayQuestion question, RayOptions& options) {
+  QueryReader query(parameters, known_parameters(question));
   if (query.find("precision") != nullptr)
     options.precision = to_precision(query.choice("precision", kPrecisionNames, "robust"));
   options.fields = read_query_fields(query, options.fields);
@@ -69,6 +89,11 @@ std::optional<Problem> apply_query(const QueryParameters& parameters, const Limi
   // The smallest deadline that means anything is a microsecond.
   if (const auto deadline = query.number("deadline_ms", 1e-3, limits.deadline_ms))
     options.deadline_ms = deadline;
+  if (query.find("max_hits") != nullptr)
+    options.max_hits = std::uint32_t(query.integer("max_hits", 1, limits.hits_per_ray, 1));
+  if (question == RayQuestion::kCount && query.find("precision") != nullptr &&
+      options.precision == Precision::kFast)
+    query.fail(ProblemCode::kInvalidValue, "precision", std::string(kCountIsRobust));
   return query.problem();
 }
 
@@ -119,19 +144,36 @@ PrimitiveRef read_primitive_ref(const JsonNode& node) {
   return ref;
 }
 
-void read_excluded(const JsonNode& node, std::size_t count, std::vector<PrimitiveRef>& excluded) {
+HitPosition read_position(const JsonNode& node) {
+  HitPosition position;
+  const auto array = read_array(node);
+  if (!array) return position;
+  if (array->size() != 3) {
+    node.fail(ProblemCode::kWrongLength, "must be [t, instance_id, primitive_id]");
+    return position;
+  }
+  position.t = read_number(node.child(array->at(0).value_unsafe(), 0));
+  position.instance_id = read_id(node.child(array->at(1).value_unsafe(), 1));
+  position.primitive_id = read_id(node.child(array->at(2).value_unsafe(), 2));
+  return position;
+}
+
+/// One entry a ray, read by `read`; null keeps the default.
+template <class T>
+void read_entries(const JsonNode& node, std::size_t count, std::vector<T>& entries,
+                  T (*read)(const JsonNode&)) {
   const auto array = read_column(node, count);
   if (!array) return;
-  excluded.resize(count);
+  entries.resize(count);
   std::size_t i = 0;
   for (const simdjson::dom::element element : *array) {
-    if (!element.is_null()) excluded[i] = read_primitive_ref(node.child(element, i));
+    if (!element.is_null()) entries[i] = read(node.child(element, i));
     if (node.problems->any()) return;
     ++i;
   }
 }
 
-void read_rays(const ObjectReader& body, const Limits& limits, RayRequest& request) {
+void read_rays(const ObjectReader& body, const Limits& limits, RayQuestion question, RayRequest& request) {
   const JsonNode* origins = body.require("origins");
   const JsonNode* directions = body.require("directions");
   if (origins == nullptr || directions == nullptr) return;
@@ -150,18 +192,22 @@ void read_rays(const ObjectReader& body, const Limits& limits, RayRequest& reque
   read_vector_column(*directions, kDirectionColumn, request.rows);
   if (const auto* node = body.find("tnear")) read_scalar_column(*node, kTnearColumn, request.rows);
   if (const auto* node = body.find("tfar")) read_scalar_column(*node, kTfarColumn, request.rows);
-  if (const auto* node = body.find("exclude")) read_excluded(*node, count, request.excluded);
+  if (const auto* node = body.find("exclude"))
+    read_entries(*node, count, request.excluded, read_primitive_ref);
+  if (const auto* node = question == RayQuestion::kAll ? body.find("after") : nullptr)
+    read_entries(*node, count, request.after, read_position);
 }
 
-std::optional<Problem> parse_json(std::string_view body, const Limits& limits, RayRequest& request) {
+std::optional<Problem> parse_json(std::string_view body, const Limits& limits, RayQuestion question,
+                                  RayRequest& request) {
   const auto document = JsonDocument::parse(body, limits.json_bytes, limits.json_depth);
   if (!document) return document.problem();
   JsonProblems problems;
-  const ObjectReader object(
-      document.value().root(problems),
-      {"origins", "directions", "tnear", "tfar", "exclude", "precision", "fields", "stats", "deadline_ms"});
-  if (!problems.any()) read_options(object, limits, request.options);
-  if (!problems.any()) read_rays(object, limits, request);
+  const ObjectReader object(document.value().root(problems), known_members(question));
+  if (!problems.any()) read_options(object, limits, question, request.options);
+  if (question == RayQuestion::kCount && request.options.precision == Precision::kFast)
+    problems.add(ProblemCode::kInvalidValue, "/precision", std::string(kCountIsRobust));
+  if (!problems.any()) read_rays(object, limits, question, request);
   if (problems.any()) return problems.first();
   return std::nullopt;
 }
@@ -216,19 +262,20 @@ RayBatch RayRequest::batch() const {
 }
 
 Parsed<RayRequest> parse_ray_request(std::string_view content_type, std::string_view body,
-                                     const QueryParameters& query, const Limits& limits) {
+                                     const QueryParameters& query, const Limits& limits,
+                                     RayQuestion question) {
   const auto type = parse_media_type(content_type);
   RayRequest request;
   std::optional<Problem> problem;
   if (type && type->essence == kJsonMediaType)
-    problem = parse_json(body, limits, request);
+    problem = parse_json(body, limits, question, request);
   else if (type && type->essence == kRaysMediaType)
     problem = parse_binary(*type, body, limits, request);
   else
     problem = Problem{ProblemCode::kUnsupportedMediaType,
                       "rays come as " + std::string(kJsonMediaType) + " or " + std::string(kRaysMediaType),
                       "Content-Type"};
-  if (!problem) problem = apply_query(query, limits, request.options);
+  if (!problem) problem = apply_query(query, limits, question, request.options);
   if (problem) return *problem;
   return request;
 }

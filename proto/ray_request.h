@@ -1,5 +1,5 @@
 #pragma once
-// The bodies of rays/closest and rays/any.
+// The bodies of rays/closest, rays/any, rays/all and rays/count.
 
 #include <cstddef>
 #include <cstdint>
@@ -8,12 +8,16 @@
 #include <string_view>
 #include <vector>
 
+#include "core/math/hit_lists.h"
 #include "core/math/ray_batch.h"
 #include "proto/limits.h"
 #include "proto/parsed.h"
 #include "proto/query.h"
 
 namespace gridcast::proto {
+
+/// What is asked about the rays; decides which options a body may have.
+enum class RayQuestion : std::uint8_t { kClosest, kAny, kAll, kCount };
 
 enum class StatsMode : std::uint8_t { kOff, kOn };
 
@@ -25,8 +29,9 @@ enum class StatsMode : std::uint8_t { kOff, kOn };
 struct RayOptions {
   Precision precision = Precision::kRobust;
   HitField fields = HitField::kAll;
-  StatsMode stats = StatsMode::kOff;  ///< adds counts and times to the answer
-  std::optional<double> deadline_ms;  ///< sooner than the server's own
+  StatsMode stats = StatsMode::kOff;      ///< adds counts and times to the answer
+  std::optional<double> deadline_ms;      ///< sooner than the server's own
+  std::optional<std::uint32_t> max_hits;  ///< of a ray, in rays/all
 };
 
 /// Rays of one request, in world space. Single rays may be invalid (zero direction, NaN, infinite origin in
@@ -42,6 +47,7 @@ class RayRequest {
   RayOptions options;
   std::vector<double> rows;                ///< [N, 8] from JSON; empty when the body is binary
   std::vector<PrimitiveRef> excluded;      ///< N or none
+  std::vector<HitPosition> after;          ///< N or none; of rays/all
   std::span<const std::byte> binary_body;  ///< the request's own bytes, not copied
   ScalarType scalar = ScalarType::kFloat64;
   std::size_t columns = 8;
@@ -53,11 +59,14 @@ class RayRequest {
 /// `content_type` is the header's value, `body` the bytes. JSON (application/json): columns
 ///   {"origins": [[x,y,z]...], "directions": [[x,y,z]...], "tnear": [t|null...]?, "tfar": [t|null...]?,
 ///    "exclude": [[instance_id, primitive_id]|null...]?, "precision"?, "fields"?, "stats"?, "deadline_ms"?}
+/// and for rays/all "max_hits"? and "after": [[t, instance_id, primitive_id]|null...]?,
 /// where a null tnear is 0 and a null tfar is unbounded. Binary (application/vnd.gridcast.rays;
 /// dtype=float32|float64; columns=6|8): little-endian row-major [N, columns]; defaults float32 and 6.
+/// rays/count is decided as by `robust`, so `fast` is a problem (invalid_value).
 /// Problems: unsupported_media_type, invalid_json, wrong_length (columns differ in length, bytes are not
 /// whole rows), too_many_rays, payload_too_large, and those of the readers.
 [[nodiscard]] Parsed<RayRequest> parse_ray_request(std::string_view content_type, std::string_view body,
-                                                   const QueryParameters& query, const Limits& limits);
+                                                   const QueryParameters& query, const Limits& limits,
+                                                   RayQuestion question = RayQuestion::kClosest);
 
 }  // namespace gridcast::proto

@@ -42,6 +42,7 @@ void add_mesh_routes(Router& router, Api& api);
 void add_instance_routes(Router& router, Api& api);
 void add_transaction_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
+void add_point_routes(Router& router, Api& api);
 void add_render_routes(Router& router, Api& api);
 void add_job_routes(Router& router, Api& api);
 [[nodiscard]] Router make_router(Api& api);

@@ -62,6 +62,8 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
   };
   add("--max-json-bytes", limits.json_bytes, "A JSON body");
   add("--max-json-rays", limits.json_rays, "Rays in a JSON body");
+  add("--max-json-hits", limits.json_hits, "Hits in a JSON answer of rays/all");
+  add("--max-binary-hits", limits.binary_hits, "Hits in a binary answer of rays/all");
   add("--max-binary-bytes", limits.binary_bytes, "A binary body");
   add("--max-binary-rays", limits.binary_rays, "Rays in a binary body");
   add("--max-glb-bytes", limits.glb_bytes, "A model");

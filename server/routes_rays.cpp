@@ -1,31 +1,18 @@
-#include <array>
-
+#include "core/scene/all_hits.h"
 #include "core/scene/trace.h"
 #include "proto/hit_reply.h"
+#include "proto/list_reply.h"
 #include "proto/media_type.h"
 #include "proto/ray_request.h"
 #include "server/api.h"
 #include "server/problem.h"
+#include "server/reply_format.h"
 
 namespace gridcast::server {
 namespace {
 
 using proto::Problem;
-using proto::ProblemCode;
-
-enum class RayQuery { kClosest, kAny };
-enum class ReplyFormat { kJson, kBinary };
-
-/// What Accept asks for; without a preference, the answer comes in the form of the question.
-std::optional<ReplyFormat> reply_format(const HttpRequest& request) {
-  const auto type = proto::parse_media_type(request.header("content-type"));
-  const bool binary_first = type && type->essence == proto::kRaysMediaType;
-  std::array<std::string_view, 2> offered{proto::kJsonMediaType, proto::kHitsMediaType};
-  if (binary_first) std::swap(offered[0], offered[1]);
-  const auto chosen = proto::negotiate(request.header("accept"), offered);
-  if (!chosen) return std::nullopt;
-  return offered[*chosen] == proto::kJsonMediaType ? ReplyFormat::kJson : ReplyFormat::kBinary;
-}
+using proto::RayQuestion;
 
 std::string encode(const HitColumns& hits, const proto::ReplyHead& head, ReplyFormat format) {
   return format == ReplyFormat::kJson ? write_hits_json(hits, head)
@@ -35,8 +22,17 @@ std::string encode(const std::vector<RayStatus>& status, const proto::ReplyHead&
   return format == ReplyFormat::kJson ? write_occlusion_json(status, head)
                                       : write_occlusion_binary(status, head).to_string();
 }
-const std::vector<RayStatus>& statuses(const HitColumns& hits) {
-  return hits.status;
+std::string encode(const HitLists& lists, const proto::ReplyHead& head, ReplyFormat format) {
+  return format == ReplyFormat::kJson ? write_lists_json(lists, head)
+                                      : write_lists_binary(lists, head).to_string();
+}
+std::string encode(const HitCounts& counts, const proto::ReplyHead& head, ReplyFormat format) {
+  return format == ReplyFormat::kJson ? write_counts_json(counts, head)
+                                      : write_counts_binary(counts, head).to_string();
+}
+template <class Answer>
+const std::vector<RayStatus>& statuses(const Answer& answer) {
+  return answer.status;
 }
 const std::vector<RayStatus>& statuses(const std::vector<RayStatus>& status) {
   return status;
@@ -47,56 +43,76 @@ proto::RayPlan plan_of(const scene::TraceStats& traced) {
           traced.order_ms};
 }
 
-/// From the engine's answer to the client's.
+/// One request on its way to its answer.
+struct Cast {
+  Api& api;
+  const scene::Scene& scene;
+  const proto::RayRequest& rays;
+  ReplyFormat format;
+  const Cancellation& cancellation;
+  Timing& timing;
+};
+
+/// From the engine's answer to the client's. `traced` is null where rays are taken as they come.
 template <class Answer>
-HttpResponse reply(Api& api, const Result<Answer>& answer, const scene::Scene& scene,
-                   const proto::RayRequest& rays, const scene::TraceStats& traced, ReplyFormat format,
-                   const Cancellation& cancellation, Timing& timing) {
-  const double trace_ms = timing.mark("trace");
-  if (!answer) return problem_response(problem_of(answer.error(), proto::ErrorContext::kQuery, cancellation));
-  api.metrics.count_rays(statuses(*answer).size(), trace_ms);
-  proto::ReplyHead head{scene.version(), rays.options.fields, std::nullopt};
-  if (rays.options.stats == proto::StatsMode::kOn) {
+HttpResponse reply(const Cast& cast, const Result<Answer>& answer, const scene::TraceStats* traced) {
+  const double trace_ms = cast.timing.mark("trace");
+  if (!answer)
+    return problem_response(problem_of(answer.error(), proto::ErrorContext::kQuery, cast.cancellation));
+  cast.api.metrics.count_rays(statuses(*answer).size(), trace_ms);
+  const std::uint64_t version = cast.scene.version();
+  proto::ReplyHead head{version, cast.rays.options.fields, std::nullopt};
+  if (cast.rays.options.stats == proto::StatsMode::kOn) {
     head.stats = proto::count_statuses(statuses(*answer), trace_ms);
-    head.stats->plan = plan_of(traced);
+    if (traced != nullptr) head.stats->plan = plan_of(*traced);
   }
-  HttpResponse response{
-      200,
-      std::string(format == ReplyFormat::kJson ? proto::kJsonMediaType : proto::kHitsMediaType),
-      encode(*answer, head, format),
-      {}};
-  timing.mark("encode");
-  return response.with("Scene-Version", std::to_string(scene.version()))
-      .with("Server-Timing", timing.header());
+  std::string body = encode(*answer, head, cast.format);
+  cast.timing.mark("encode");
+  return columns_response(std::move(body), cast.format, version, cast.timing);
 }
 
-HttpResponse cast(Api& api, const HttpRequest& request, Cancellation& cancellation, RayQuery query) {
+HttpResponse answer_traced(const Cast& cast, RayQuestion question) {
+  scene::TraceStats traced;
+  const scene::TraceOptions options{
+      cast.rays.options.precision, cast.rays.options.fields, cast.cancellation.token(), {}, &traced};
+  if (question == RayQuestion::kAny)
+    return reply(cast, occluded(cast.scene, cast.rays.batch(), options), &traced);
+  return reply(cast, intersect(cast.scene, cast.rays.batch(), options), &traced);
+}
+
+HttpResponse answer_all(const Cast& cast) {
+  const proto::Limits& limits = cast.api.limits;
+  scene::AllHitsOptions options;
+  options.precision = cast.rays.options.precision;
+  options.fields = cast.rays.options.fields;
+  options.max_hits = cast.rays.options.max_hits.value_or(std::uint32_t(limits.hits_per_ray));
+  options.max_total_hits = cast.format == ReplyFormat::kJson ? limits.json_hits : limits.binary_hits;
+  options.after = cast.rays.after;
+  options.stop = cast.cancellation.token();
+  return reply(cast, intersect_all(cast.scene, cast.rays.batch(), options), nullptr);
+}
+
+HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cancellation,
+                       RayQuestion question) {
   Timing timing;
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
-  const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
-  auto rays =
-      proto::parse_ray_request(request.header("content-type"), request.body, request.query, api.limits);
+  auto rays = proto::parse_ray_request(request.header("content-type"), request.body, request.query,
+                                       api.limits, question);
   if (!rays) return problem_response(rays.problem());
   const auto format = reply_format(request);
-  if (!format)
-    return problem_response({ProblemCode::kNotAcceptable,
-                             "answers are application/json or application/vnd.gridcast.hits", "Accept"});
+  if (!format) return not_acceptable();
   if (rays->options.deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*rays->options.deadline_ms));
   timing.mark("parse");
   const auto permit = api.gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
-  scene::TraceStats traced;
-  const scene::TraceOptions options{
-      rays->options.precision, rays->options.fields, cancellation.token(), {}, &traced};
-  if (query == RayQuery::kAny) {
-    const auto answer = occluded(scene, rays->batch(), options);
-    return reply(api, answer, scene, *rays, traced, *format, cancellation, timing);
-  }
-  const auto answer = intersect(scene, rays->batch(), options);
-  return reply(api, answer, scene, *rays, traced, *format, cancellation, timing);
+  const Cast cast{api, *std::get<OpenScene>(opened).scene, *rays, *format, cancellation, timing};
+  if (question == RayQuestion::kAll) return answer_all(cast);
+  if (question == RayQuestion::kCount)
+    return reply(cast, count_hits(cast.scene, cast.rays.batch(), {cancellation.token(), {}}), nullptr);
+  return answer_traced(cast, question);
 }
 
 }  // namespace
@@ -104,10 +120,15 @@ HttpResponse cast(Api& api, const HttpRequest& request, Cancellation& cancellati
 void add_ray_routes(Router& router, Api& api) {
   const std::vector<AcceptedBody> bodies{{std::string(proto::kJsonMediaType), api.limits.json_bytes},
                                          {std::string(proto::kRaysMediaType), api.limits.binary_bytes}};
-  router.add({"POST", "/v1/scenes/{s}/rays/closest", bodies,
-              [&api](const HttpRequest& r, Cancellation& c) { return cast(api, r, c, RayQuery::kClosest); }});
-  router.add({"POST", "/v1/scenes/{s}/rays/any", bodies,
-              [&api](const HttpRequest& r, Cancellation& c) { return cast(api, r, c, RayQuery::kAny); }});
+  const auto add = [&](const char* path, RayQuestion question) {
+    router.add({"POST", path, bodies, [&api, question](const HttpRequest& r, Cancellation& c) {
+                  return cast_rays(api, r, c, question);
+                }});
+  };
+  add("/v1/scenes/{s}/rays/closest", RayQuestion::kClosest);
+  add("/v1/scenes/{s}/rays/any", RayQuestion::kAny);
+  add("/v1/scenes/{s}/rays/all", RayQuestion::kAll);
+  add("/v1/scenes/{s}/rays/count", RayQuestion::kCount);
 }
 
 }  // namespace gridcast::server

@@ -26,10 +26,11 @@ import numpy as np
 
 NO_ID = 0xFFFFFFFF
 RAYS_TYPE = "application/vnd.gridcast.rays"
+POINTS_TYPE = "application/vnd.gridcast.points"
 HITS_TYPE = "application/vnd.gridcast.hits"
 VERTICES_TYPE = "application/vnd.gridcast.vertices"
 INSTANCES_TYPE = "application/vnd.gridcast.instances"
-DTYPES = {"F64": "<f8", "F32": "<f4", "U32": "<u4", "U8": "u1"}
+DTYPES = {"F64": "<f8", "F32": "<f4", "U64": "<u8", "U32": "<u4", "I32": "<i4", "U8": "u1"}
 
 
 class GridcastError(Exception):
@@ -235,6 +236,36 @@ class Scene:
         query = {"precision": precision, "deadline_ms": deadline_ms}
         columns = self._rays("any", encode_rays(origins, directions, tnear, tfar, dtype), query)
         return columns["status"] == 1
+
+    def all_hits(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, max_hits=None, precision=None,
+                 fields=None, deadline_ms=None):
+        """Every hit of every ray, by (t, instance_id, primitive_id): the columns of closest, a row per hit, with
+        "status" u1 [N] (3: there are more than max_hits) and "splits" u8 [N + 1]: the hits of ray i are rows
+        splits[i]:splits[i + 1]."""
+        query = {"max_hits": max_hits, "precision": precision, "fields": ",".join(fields) if fields is not None else None,
+                 "deadline_ms": deadline_ms}
+        return self._rays("all", encode_rays(origins, directions, tnear, tfar, dtype), query)
+
+    def count_hits(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, deadline_ms=None):
+        """{"count": triangles hit, "crossings": passages through a surface u4 [N], "winding": passages out less
+        passages in i4 [N], "status": u1 [N]}."""
+        return self._rays("count", encode_rays(origins, directions, tnear, tfar, dtype), {"deadline_ms": deadline_ms})
+
+    def closest_points(self, points, max_distance=None, deadline_ms=None):
+        """The nearest surface points of points [N, 3]: {"distance": f8 [N], "position": f8 [N, 3], "instance_id",
+        "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2], "status": u1 [N]}; distance inf where there is none."""
+        return self._points("closest", points, {"max_distance": max_distance, "deadline_ms": deadline_ms})
+
+    def inside(self, points, deadline_ms=None):
+        """What points [N, 3] are inside of: {"place": u1 [N] (0 outside, 1 inside, 2 on a triangle, 3 unknown, 4
+        invalid), "splits": u8 [N + 1], and by row "instance_id", "mesh_id", "winding", "on_boundary";
+        "open_meshes"}."""
+        return self._points("inside", points, {"deadline_ms": deadline_ms})
+
+    def _points(self, kind, points, query):
+        body = np.ascontiguousarray(np.atleast_2d(points), "<f8").tobytes()
+        return decode_columns(self._call("POST", f"/points/{kind}" + _query(query), body,
+                                         f"{POINTS_TYPE}; dtype=float64", HITS_TYPE))[0]
 
     def _rays(self, kind, encoded, query):
         media_type, body = encoded

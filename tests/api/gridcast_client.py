@@ -21,7 +21,7 @@ HITS = "application/vnd.gridcast.hits"
 VERTICES = "application/vnd.gridcast.vertices"
 PNG, EXR = "image/png", "image/x-exr"
 PROBLEM = "application/problem+json"
-DTYPES = {"F64": "<f8", "F32": "<f4", "U32": "<u4", "U8": "u1"}
+DTYPES = {"F64": "<f8", "F32": "<f4", "U64": "<u8", "U32": "<u4", "I32": "<i4", "U8": "u1"}
 
 
 @dataclass

@@ -41,6 +41,17 @@ def test_it_casts_and_gives_the_bits_of_the_wire(row, client, library):
     assert near["status"].tolist() == [0]
 
 
+def test_it_lists_counts_and_asks_about_points(row):
+    down = ([0.1, 10, 0.2], [0, -1, 0])
+    lists = row.all_hits(*down, max_hits=1)
+    assert lists["status"].tolist() == [3] and lists["splits"].tolist() == [0, 1]
+    assert lists["t"].tolist() == row.closest(*down)["t"].tolist()
+    assert row.count_hits(*down)["crossings"].tolist() == [4], "the sphere and the floor"
+    assert row.inside([[0, 0, 0], [0, 10, 0]])["place"].tolist() == [1, 0]
+    assert row.closest_points([0, 10, 0])["distance"][0] == pytest.approx(9.0)
+    assert row.closest_points([0, 10, 0], max_distance=5.0)["status"].tolist() == [0]
+
+
 def test_it_moves_deforms_and_renders(row):
     assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(9.0)
     lifted = np.eye(4)[:3]

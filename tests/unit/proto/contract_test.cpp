@@ -68,6 +68,10 @@ TEST(Contract, published_limits_are_the_defaults) {
   EXPECT_EQ(render.at("max_depth").at("maximum"), limits.bounce_depth);
   EXPECT_EQ(schema("Rays").at("properties").at("origins").at("maxItems"), limits.json_rays);
   EXPECT_EQ(schema("Rays").at("properties").at("deadline_ms").at("maximum"), limits.deadline_ms);
+  const Json& lists = schema("RaysForLists").at("properties");
+  EXPECT_EQ(lists.at("max_hits").at("maximum"), limits.hits_per_ray);
+  EXPECT_EQ(lists.at("origins").at("maxItems"), limits.json_rays);
+  EXPECT_EQ(schema("Points").at("properties").at("points").at("maxItems"), limits.json_rays);
   EXPECT_EQ(schema("Moves").at("properties").at("moves").at("maxItems"), limits.instances_per_patch);
   EXPECT_EQ(schema("Transaction").at("properties").at("edits").at("maxItems"), limits.transaction_edits);
   EXPECT_EQ(schema("NewInstance").at("properties").at("name").at("maxLength"), limits.name_bytes);

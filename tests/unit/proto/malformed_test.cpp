@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "proto/point_request.h"
 #include "proto/ray_request.h"
 #include "proto/render_request.h"
 #include "proto/scene_request.h"
@@ -96,6 +97,71 @@ TEST(MalformedJson, depth_is_bounded_before_anything_recurses) {
   std::string objects;
   for (int i = 0; i < 100'000; ++i) objects += "{\"a\":";
   EXPECT_EQ(parse_rays(objects).substr(0, 8), "too_deep");
+}
+
+TEST(MalformedJson, options_of_lists_and_counts_are_422_with_the_place) {
+  const std::vector<Case> lists{
+      {rays_with(R"(,"max_hits":0)"), "out_of_range 422 /max_hits"},
+      {rays_with(R"(,"max_hits":65537)"), "out_of_range 422 /max_hits"},
+      {rays_with(R"(,"max_hits":1.5)"), "wrong_type 422 /max_hits"},
+      {rays_with(R"(,"after":null)"), "wrong_type 422 /after"},
+      {rays_with(R"(,"after":[])"), "wrong_length 422 /after"},
+      {rays_with(R"(,"after":[null,null])"), "wrong_length 422 /after"},
+      {rays_with(R"(,"after":[5])"), "wrong_type 422 /after/0"},
+      {rays_with(R"(,"after":[[1,2]])"), "wrong_length 422 /after/0"},
+      {rays_with(R"(,"after":[[1,2,3,4]])"), "wrong_length 422 /after/0"},
+      {rays_with(R"(,"after":[[null,2,3]])"), "wrong_type 422 /after/0/0"},
+      {rays_with(R"(,"after":[[1e999,2,3]])"), "out_of_range 422 /after/0/0"},
+      {rays_with(R"(,"after":[[1,-2,3]])"), "out_of_range 422 /after/0/1"},
+      {rays_with(R"(,"after":[[1,2,4294967295]])"), "out_of_range 422 /after/0/2"},
+  };
+  const auto parse = [](const std::string& body, RayQuestion question) {
+    return outcome(parse_ray_request("application/json", body, {}, Limits{}, question));
+  };
+  for (const Case& c : lists) EXPECT_EQ(parse(c.body, RayQuestion::kAll), c.expected) << c.body;
+  EXPECT_EQ(parse(rays_with(R"(,"max_hits":7,"after":[null])"), RayQuestion::kAll), "ok");
+  for (const RayQuestion other : {RayQuestion::kClosest, RayQuestion::kAny, RayQuestion::kCount}) {
+    EXPECT_EQ(parse(rays_with(R"(,"max_hits":7)"), other), "unknown_field 422 /max_hits");
+    EXPECT_EQ(parse(rays_with(R"(,"after":[null])"), other), "unknown_field 422 /after");
+  }
+  EXPECT_EQ(parse(rays_with(R"(,"precision":"fast")"), RayQuestion::kCount), "invalid_value 422 /precision");
+  EXPECT_EQ(parse(rays_with(R"(,"precision":"robust")"), RayQuestion::kCount), "ok");
+  EXPECT_EQ(outcome(parse_ray_request("application/json", rays_with(""), {{"precision", "fast"}}, Limits{},
+                                      RayQuestion::kCount)),
+            "invalid_value 422 ?precision");
+}
+
+TEST(MalformedJson, points_of_the_wrong_shape_are_422_with_the_place) {
+  const std::vector<Case> cases{
+      {"[]", "wrong_type 422 "},
+      {"{}", "missing_field 422 /points"},
+      {R"({"points":null})", "wrong_type 422 /points"},
+      {R"({"points":[1,2,3]})", "wrong_type 422 /points/0"},
+      {R"({"points":[[1,2]]})", "wrong_length 422 /points/0"},
+      {R"({"points":[[0,0,0],[1,2,"3"]]})", "wrong_type 422 /points/1/2"},
+      {R"({"points":[],"max_distance":-1})", "out_of_range 422 /max_distance"},
+      {R"({"points":[],"max_distance":"1"})", "wrong_type 422 /max_distance"},
+      {R"({"points":[],"deadline_ms":0})", "out_of_range 422 /deadline_ms"},
+      {R"({"points":[],"origins":[]})", "unknown_field 422 /origins"},
+      {R"({"points":[],"max_distance":null})", "ok"},
+      {R"({"points":[],"max_distance":0})", "ok"},
+  };
+  const auto parse = [](const std::string& body, PointQuestion question) {
+    return outcome(parse_point_request("application/json", body, {}, Limits{}, question));
+  };
+  for (const Case& c : cases) EXPECT_EQ(parse(c.body, PointQuestion::kClosest), c.expected) << c.body;
+  EXPECT_EQ(parse(R"({"points":[],"max_distance":1})", PointQuestion::kInside),
+            "unknown_field 422 /max_distance");
+  Limits few;
+  few.json_rays = few.binary_rays = 1;
+  EXPECT_EQ(outcome(parse_point_request("application/json", R"({"points":[[0,0,0],[0,0,0]]})", {}, few,
+                                        PointQuestion::kInside)),
+            "too_many_points 413 /points");
+  const std::string binary = "application/vnd.gridcast.points; dtype=float32";
+  EXPECT_EQ(outcome(parse_point_request(binary, std::string(24, '\0'), {}, few, PointQuestion::kInside)),
+            "too_many_points 413 ");
+  EXPECT_EQ(outcome(parse_point_request(binary, std::string(13, '\0'), {}, Limits{}, PointQuestion::kInside)),
+            "wrong_length 422 ");
 }
 
 TEST(MalformedJson, rays_of_the_wrong_shape_are_422_with_the_place) {

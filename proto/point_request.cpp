@@ -1,0 +1,115 @@
+#include "proto/point_request.h"
+
+#include <array>
+#include <string>
+
+#include "proto/json_reader.h"
+#include "proto/media_type.h"
+
+namespace gridcast::proto {
+namespace {
+
+/// That of points/closest comes last.
+constexpr std::array<std::string_view, 3> kMembers{"points", "deadline_ms", "max_distance"};
+constexpr std::array<std::string_view, 2> kParameters{"deadline_ms", "max_distance"};
+
+void read_points(const JsonNode& node, const Limits& limits, std::vector<double>& rows) {
+  const auto array = read_array(node);
+  if (!array) return;
+  if (array->size() > limits.json_rays)
+    return node.fail(ProblemCode::kTooManyPoints,
+                     "a JSON body may have at most " + std::to_string(limits.json_rays) +
+                         " points; send more as " + std::string(kPointsMediaType));
+  rows.reserve(3 * array->size());
+  std::size_t i = 0;
+  for (const simdjson::dom::element element : *array) {
+    const Vec3d point = read_vec3(node.child(element, i++));
+    if (node.problems->any()) return;
+    rows.insert(rows.end(), {point.x, point.y, point.z});
+  }
+}
+
+std::optional<Problem> parse_json(std::string_view body, const Limits& limits, PointQuestion question,
+                                  PointRequest& request) {
+  const auto document = JsonDocument::parse(body, limits.json_bytes, limits.json_depth);
+  if (!document) return document.problem();
+  JsonProblems problems;
+  const ObjectReader object(document.value().root(problems),
+                            std::span(kMembers).first(question == PointQuestion::kClosest ? 3 : 2));
+  if (const auto* node = problems.any() ? nullptr : object.find("deadline_ms"))
+    request.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
+  if (question == PointQuestion::kClosest && !problems.any()) {
+    const auto* node = object.find("max_distance");
+    if (node != nullptr && !node->value.is_null()) {
+      request.max_distance = read_number(*node);
+      if (request.max_distance < 0.0) node->fail(ProblemCode::kOutOfRange, "must not be negative");
+    }
+  }
+  if (const auto* node = problems.any() ? nullptr : object.require("points"))
+    read_points(*node, limits, request.rows);
+  if (problems.any()) return problems.first();
+  return std::nullopt;
+}
+
+std::optional<Problem> parse_binary(const MediaType& type, std::string_view body, const Limits& limits,
+                                    PointRequest& request) {
+  request.scalar = ScalarType::kFloat32;
+  for (const auto& [name, value] : type.parameters) {
+    if (name != "dtype" || (value != "float32" && value != "float64"))
+      return Problem{ProblemCode::kUnsupportedMediaType,
+                     std::string(kPointsMediaType) + " takes dtype=float32|float64", "Content-Type"};
+    request.scalar = value == "float32" ? ScalarType::kFloat32 : ScalarType::kFloat64;
+  }
+  if (body.size() > limits.binary_bytes)
+    return Problem{ProblemCode::kPayloadTooLarge,
+                   "binary points may have at most " + std::to_string(limits.binary_bytes) + " bytes", ""};
+  const std::size_t row_bytes = 3 * size_bytes(request.scalar);
+  if (body.size() % row_bytes != 0)
+    return Problem{ProblemCode::kWrongLength,
+                   "the body is not a whole number of points of " + std::to_string(row_bytes) + " bytes", ""};
+  if (body.size() / row_bytes > limits.binary_rays)
+    return Problem{ProblemCode::kTooManyPoints,
+                   "one request may have at most " + std::to_string(limits.binary_rays) + " points", ""};
+  request.binary_body = std::as_bytes(std::span(body.data(), body.size()));
+  return std::nullopt;
+}
+
+std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
+                                   PointQuestion question, PointRequest& request) {
+  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 2 : 1));
+  if (const auto distance = query.number("max_distance", 0.0, std::numeric_limits<double>::max()))
+    request.max_distance = *distance;
+  // The smallest deadline that means anything is a microsecond.
+  if (const auto deadline = query.number("deadline_ms", 1e-3, limits.deadline_ms))
+    request.deadline_ms = deadline;
+  return query.problem();
+}
+
+}  // namespace
+
+PointBatch PointRequest::batch() const {
+  if (!binary_body.empty()) return {binary_body, scalar};
+  return {std::as_bytes(std::span(rows)), ScalarType::kFloat64};
+}
+
+Parsed<PointRequest> parse_point_request(std::string_view content_type, std::string_view body,
+                                         const QueryParameters& query, const Limits& limits,
+                                         PointQuestion question) {
+  const auto type = parse_media_type(content_type);
+  PointRequest request;
+  std::optional<Problem> problem;
+  if (type && type->essence == kJsonMediaType)
+    problem = parse_json(body, limits, question, request);
+  else if (type && type->essence == kPointsMediaType)
+    problem = parse_binary(*type, body, limits, request);
+  else
+    problem =
+        Problem{ProblemCode::kUnsupportedMediaType,
+                "points come as " + std::string(kJsonMediaType) + " or " + std::string(kPointsMediaType),
+                "Content-Type"};
+  if (!problem) problem = apply_query(query, limits, question, request);
+  if (problem) return *problem;
+  return request;
+}
+
+}  // namespace gridcast::proto
