@@ -1,5 +1,6 @@
 #include "core/blas/blas.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <mutex>
@@ -111,7 +112,30 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
   return out_of_memory();
 }
 
-Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const try {
+Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const {
+  return refitted(std::move(moved),
+                  [](const auto& structure, const auto& mesh) { return structure.refit(mesh); });
+}
+
+Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved,
+                         std::span<const std::uint32_t> vertices) const {
+  const auto outside =
+      std::ranges::find_if(vertices, [&](std::uint32_t v) { return v >= mesh_->positions.size(); });
+  if (outside != vertices.end()) {
+    return Error{ErrorCode::kInvalidArgument,
+                 "the mesh has only " + std::to_string(mesh_->positions.size()) + " vertices",
+                 "/vertices/" + std::to_string(outside - vertices.begin())};
+  }
+  return refitted(std::move(moved), [vertices](const auto& structure, const auto& mesh) {
+    if constexpr (requires { structure.refit(mesh, vertices); })
+      return structure.refit(mesh, vertices);
+    else
+      return structure.refit(mesh);
+  });
+}
+
+template <class Refit>
+Result<Blas> Blas::refitted(std::shared_ptr<const mesh::TriangleMesh> moved, const Refit& refit) const try {
   if (moved->triangle_count() != mesh_->triangle_count()) {
     return Error{ErrorCode::kInvalidArgument,
                  "a refit keeps the triangles: built over " + std::to_string(mesh_->triangle_count()) +
@@ -128,7 +152,7 @@ Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const 
   const Status status = std::visit(
       [&](const auto& structure) -> Status {
         if constexpr (Refittable<Pointee<std::decay_t<decltype(structure)>>>)
-          return store(blas.structure_, structure->refit(*moved));
+          return store(blas.structure_, refit(*structure, *moved));
         else
           return Error{ErrorCode::kUnsupported,
                        "a " + std::string(to_string(stats_.kind)) + " cannot be refitted; rebuild it",

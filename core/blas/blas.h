@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -82,6 +83,10 @@ class Blas {
   /// The same structure over moved vertices: same topology_version and triangle count as the mesh it was
   /// built from. kUnsupported when this kind cannot refit (kd-tree): build instead.
   [[nodiscard]] Result<Blas> refit(std::shared_ptr<const mesh::TriangleMesh> moved) const;
+  /// The same, bit for bit, when `moved` differs from mesh() in these vertices only: faster for a few.
+  /// kInvalidArgument with `/vertices/K` when one is not of the mesh; any order, repeats allowed.
+  [[nodiscard]] Result<Blas> refit(std::shared_ptr<const mesh::TriangleMesh> moved,
+                                   std::span<const std::uint32_t> vertices) const;
   [[nodiscard]] bool can_refit() const;
 
   [[nodiscard]] const mesh::TriangleMesh& mesh() const { return *mesh_; }
@@ -129,6 +134,8 @@ class Blas {
   Blas() = default;
   template <Precision kPrecision, class C>
   bool collect(const mesh::ObjectRay& ray, C& collector) const;
+  template <class Refit>
+  Result<Blas> refitted(std::shared_ptr<const mesh::TriangleMesh> moved, const Refit& refit) const;
   void add_structure_stats();
   Status prefer_kd_tree(const std::stop_token& stop);
 

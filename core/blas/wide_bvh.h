@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <stop_token>
 #include <vector>
 
@@ -62,8 +63,31 @@ inline constexpr std::size_t kMaxWideLeaf = 8;
 /// A node on the way down leaves at most seven entries behind.
 inline constexpr std::size_t kWideStackSize = 7 * kMaxBvhDepth + 8;
 
+class RefitMemory;
+
+/// Two corners with room for four floats; the fourth are anything.
+struct alignas(32) PaddedBox {
+  float lower[4];
+  float upper[4];
+};
+
+/// The memory of a tree. Refits of one tree have arrays of the same sizes, so it can go round among them.
+struct WideStorage {
+  WideNodes nodes;  ///< parents before children
+  TriangleBlocks blocks;
+  std::vector<double> part_costs;     ///< see wide_cost.h
+  std::vector<PaddedBox> part_boxes;  ///< scratch of a refit
+  std::uint64_t version = 0;          ///< 0 as built; refits count up
+  static constexpr std::uint64_t kUnfinished = ~std::uint64_t(0);
+};
+
 class WideBvh {
  public:
+  WideBvh() = default;
+  WideBvh(const WideBvh&) = delete;
+  WideBvh& operator=(const WideBvh&) = delete;
+  ~WideBvh();
+
   /// Built from the binned-SAH binary tree and collapsed at the least surface-area cost. kCancelled on
   /// `stop`, kLimitExceeded for 2^30 - 1 triangles or more.
   [[nodiscard]] static Result<std::shared_ptr<const WideBvh>> build(const mesh::TriangleMesh& mesh,
@@ -72,6 +96,10 @@ class WideBvh {
   /// The same tree over moved vertices; boxes are bit for bit those of a build with this shape. A leaf that
   /// had a part of a triangle gets the box of the whole: right, but worse.
   [[nodiscard]] Result<std::shared_ptr<const WideBvh>> refit(const mesh::TriangleMesh& moved) const;
+  /// The same, bit for bit, when only these vertices differ from the mesh this tree is drawn around. A few of
+  /// them cost what lies above them: O(k log n), when the version before this one is no longer read.
+  [[nodiscard]] Result<std::shared_ptr<const WideBvh>> refit(const mesh::TriangleMesh& moved,
+                                                             std::span<const std::uint32_t> vertices) const;
 
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>
@@ -90,19 +118,39 @@ class WideBvh {
   /// What the root's boxes contain; after a refit the box of the mesh.
   [[nodiscard]] Bounds3f root_bounds() const {
     Bounds3f box;
-    if (nodes_.empty()) return box;
-    for (std::uint32_t slot = 0; slot < nodes_[0].slots; ++slot) box.extend(nodes_[0].box(slot));
+    if (nodes().empty()) return box;
+    for (std::uint32_t slot = 0; slot < nodes()[0].slots; ++slot) box.extend(nodes()[0].box(slot));
     return box;
   }
 
-  [[nodiscard]] const WideNodes& nodes() const { return nodes_; }
-  [[nodiscard]] const TriangleBlocks& blocks() const { return blocks_; }
+  [[nodiscard]] const WideNodes& nodes() const { return storage_.nodes; }
+  [[nodiscard]] const TriangleBlocks& blocks() const { return storage_.blocks; }
 
  private:
-  WideNodes nodes_;  ///< parents before children
-  TriangleBlocks blocks_;
-  std::size_t reference_count_ = 0;
-  SpatialSplits spatial_ = SpatialSplits::kNever;  ///< whether several leaves may hold a triangle
+  /// What a refit leaves as it is.
+  struct Shape {
+    std::size_t reference_count = 0;
+    std::size_t leaf_count = 0;
+    std::size_t max_depth = 0;
+    SpatialSplits spatial = SpatialSplits::kNever;  ///< whether several leaves may hold a triangle
+  };
+  void measure_shape();
+  /// A tree of this shape to be drawn into `storage`, which may be empty.
+  [[nodiscard]] std::shared_ptr<WideBvh> unfinished_copy(WideStorage storage) const;
+
+  /// Adds the blocks in which `storage` differs from this tree; false when that is not known.
+  [[nodiscard]] bool add_missed(const WideStorage& storage, std::vector<std::uint32_t>& blocks) const;
+
+  /// A version and the blocks that were drawn anew after it.
+  struct PatchedFrom {
+    std::uint64_t version;
+    std::shared_ptr<const std::vector<std::uint32_t>> blocks;
+  };
+
+  WideStorage storage_;
+  std::vector<PatchedFrom> history_;  ///< latest first; empty after a refit of everything
+  Shape shape_;
+  std::shared_ptr<RefitMemory> memory_;  ///< shared with all refits of the same build
 };
 
 }  // namespace gridcast::blas

@@ -278,9 +278,9 @@ HWY_EXPORT(packet_any_robust);
 
 template <Precision kPrecision, bool kAnyHit>
 PacketResult WideBvh::intersect_packet(const Bounds3f& bounds, const RayPacket& packet, Hit* best) const {
-  if (nodes_.empty()) return {true, 0};
-  const WideNode* n = nodes_.data();
-  const TriangleBlock* b = blocks_.data();
+  if (nodes().empty()) return {true, 0};
+  const WideNode* n = nodes().data();
+  const TriangleBlock* b = blocks().data();
   if constexpr (kPrecision == Precision::kFast) {
     if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(packet_any_fast)(n, b, bounds, packet, best);
     return HWY_DYNAMIC_DISPATCH(packet_closest_fast)(n, b, bounds, packet, best);

@@ -1,97 +1,64 @@
-#include <array>
+// Refits of the whole wide tree.
 
 #include <oneapi/tbb/parallel_for.h>
 
-#include "core/blas/block_bounds.h"
-#include "core/blas/wide_bvh.h"
+#include "core/blas/refit_memory.h"
+#include "core/blas/wide_cost.h"
+#include "core/blas/wide_refit_kernel.h"
 
 namespace gridcast::blas {
 namespace {
 
-/// Subtrees of fewer nodes are refitted by one thread: some tens of microseconds.
-constexpr std::size_t kTaskNodes = 128;
+/// Trees from this size on are written past the caches.
+constexpr std::size_t kStreamingBytes = std::size_t(1) << 21;
 
-/// Copies a tree with new corners and boxes, everything written once.
-class Refit {
- public:
-  Refit(const WideNodes& old_nodes, const TriangleBlocks& old_blocks, const mesh::TriangleMesh& mesh,
-        WideNodes& nodes, TriangleBlocks& blocks)
-      : old_nodes_(old_nodes), old_blocks_(old_blocks), mesh_(mesh), nodes_(nodes), blocks_(blocks) {}
-
-  /// The node `self` and those below it, which fill [self, end): depth first, so each inner child's share
-  /// starts where the one's before it ends.
-  void subtree(std::size_t self, std::size_t end) {
-    if (end - self <= kTaskNodes) {
-      // Children come after their parents: backwards is bottom up.
-      for (std::size_t i = end; i > self; --i) node(i - 1);
-      return;
-    }
-    std::array<std::size_t, 9> begins{};
-    std::size_t count = 0;
-    for (std::uint32_t slot = 0; slot < old_nodes_[self].slots; ++slot) {
-      const std::uint32_t link = old_nodes_[self].child[slot];
-      if (!wide_child::is_leaf(link)) begins[count++] = link;
-    }
-    begins[count] = end;
-    oneapi::tbb::parallel_for(std::size_t(0), count,
-                              [&](std::size_t i) { subtree(begins[i], begins[i + 1]); });
-    node(self);
+/// Subtrees in parallel, then the nodes above, last to first.
+void refit_parts(const RefitJob& job, const WideParts& parts, RefitStores stores, WideStorage& storage) {
+  storage.part_costs.resize(parts.all.size());
+  storage.part_boxes.resize(parts.all.size());
+  const auto keep = [&](std::uint32_t part, const RefitResult& result) {
+    storage.part_boxes[part] = result.box;
+    storage.part_costs[part] = result.cost;
+  };
+  oneapi::tbb::parallel_for(std::size_t(0), parts.subtrees.size(), [&](std::size_t i) {
+    const std::uint32_t part = parts.subtrees[i];
+    keep(part, refit_subtree(job, parts.all[part], stores));
+  });
+  for (std::size_t i = parts.above.size(); i-- > 0;) {
+    const WideParts::Above& above = parts.above[i];
+    std::array<PaddedBox, 8> children;
+    for (std::size_t slot = 0; slot < 8; ++slot) children[slot] = storage.part_boxes[above.children[slot]];
+    keep(above.part, refit_node(job, parts.all[above.part].begin, children));
   }
-
- private:
-  void node(std::size_t index) {
-    WideNode& node = nodes_[index];
-    node = old_nodes_[index];
-    for (std::uint32_t slot = 0; slot < node.slots; ++slot) {
-      const std::uint32_t link = node.child[slot];
-      node.set_box(slot, wide_child::is_leaf(link) ? leaf(link) : around(nodes_[link]));
-    }
-  }
-
-  Bounds3f leaf(std::uint32_t link) {
-    LaneBounds bounds;
-    const std::size_t first = wide_child::index(link);
-    for (std::size_t i = first; i < first + wide_child::block_count(link); ++i) {
-      TriangleBlock& block = blocks_[i];
-      for (std::size_t lane = 0; lane < 4; ++lane) block.ids[lane] = old_blocks_[i].ids[lane];
-      load_corners(mesh_, block);
-      bounds.extend(block);
-    }
-    return bounds.bounds();
-  }
-
-  /// Unused slots hold inverted boxes, which change nothing.
-  static Bounds3f around(const WideNode& node) {
-    Bounds3f box;
-    for (int axis = 0; axis < 3; ++axis) {
-      float lower = node.planes[0][axis][0], upper = node.planes[1][axis][0];
-      for (int slot = 1; slot < 8; ++slot) {
-        lower = std::min(lower, node.planes[0][axis][slot]);
-        upper = std::max(upper, node.planes[1][axis][slot]);
-      }
-      box.lower[axis] = lower;
-      box.upper[axis] = upper;
-    }
-    return box;
-  }
-
-  const WideNodes& old_nodes_;
-  const TriangleBlocks& old_blocks_;
-  const mesh::TriangleMesh& mesh_;
-  WideNodes& nodes_;
-  TriangleBlocks& blocks_;
-};
+}
 
 }  // namespace
 
-Result<std::shared_ptr<const WideBvh>> WideBvh::refit(const mesh::TriangleMesh& moved) const {
+std::shared_ptr<WideBvh> WideBvh::unfinished_copy(WideStorage storage) const {
   auto wide = std::make_shared<WideBvh>();
-  wide->reference_count_ = reference_count_;
-  wide->spatial_ = spatial_;
-  wide->nodes_.resize(nodes_.size());
-  wide->blocks_.resize(blocks_.size());
-  if (!nodes_.empty()) Refit(nodes_, blocks_, moved, wide->nodes_, wide->blocks_).subtree(0, nodes_.size());
-  return std::shared_ptr<const WideBvh>(wide);
+  wide->shape_ = shape_;
+  wide->memory_ = memory_;
+  wide->storage_ = std::move(storage);
+  wide->storage_.version = WideStorage::kUnfinished;
+  return wide;
+}
+
+Result<std::shared_ptr<const WideBvh>> WideBvh::refit(const mesh::TriangleMesh& moved) const {
+  std::shared_ptr<WideBvh> wide = unfinished_copy(memory_->take());
+  if (nodes().empty()) return std::shared_ptr<const WideBvh>(std::move(wide));
+  const RefitPlan& plan = memory_->plan(*this, moved);
+  WideStorage& storage = wide->storage_;
+  const bool has_links = storage.nodes.size() == nodes().size();
+  storage.nodes.resize(nodes().size());
+  storage.blocks.resize(blocks().size());
+  const RefitJob job{plan.corners.data(), moved.positions.data(),
+                     has_links ? storage.nodes.data() : nodes().data(), storage.nodes.data(),
+                     storage.blocks.data()};
+  const std::size_t bytes = nodes().size() * sizeof(WideNode) + blocks().size() * sizeof(TriangleBlock);
+  const RefitStores stores = bytes >= kStreamingBytes ? RefitStores::kStreaming : RefitStores::kCached;
+  refit_parts(job, plan.parts, stores, storage);
+  storage.version = memory_->next_version();
+  return std::shared_ptr<const WideBvh>(std::move(wide));
 }
 
 }  // namespace gridcast::blas

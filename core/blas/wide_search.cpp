@@ -31,7 +31,7 @@ void offer_leaf(const TriangleBlock* block, std::uint32_t count, PointSink& sink
 
 // Depth first, nearer children first.
 void WideBvh::search(const mesh::TriangleMesh& /*mesh*/, PointSink& sink) const {
-  if (nodes_.empty()) return;
+  if (nodes().empty()) return;
   struct Entry {
     double distance;
     std::uint32_t link;
@@ -42,9 +42,9 @@ void WideBvh::search(const mesh::TriangleMesh& /*mesh*/, PointSink& sink) const 
   std::uint32_t link = 0;
   for (;;) {
     if (wide_child::is_leaf(link)) {
-      offer_leaf(blocks_.data() + wide_child::index(link), wide_child::block_count(link), sink);
+      offer_leaf(blocks().data() + wide_child::index(link), wide_child::block_count(link), sink);
     } else {
-      const WideNode& node = nodes_[link];
+      const WideNode& node = nodes()[link];
       distances_to(node, sink.center(), squared);
       const std::size_t bottom = size;
       for (std::uint32_t slot = 0; slot < node.slots; ++slot) {

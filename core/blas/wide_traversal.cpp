@@ -174,9 +174,9 @@ HWY_EXPORT(every_robust);
 
 template <Precision kPrecision, Collector C>
 bool WideBvh::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {
-  if (nodes_.empty()) return false;
-  const WideNode* n = nodes_.data();
-  const TriangleBlock* b = blocks_.data();
+  if (nodes().empty()) return false;
+  const WideNode* n = nodes().data();
+  const TriangleBlock* b = blocks().data();
   constexpr bool kFast = kPrecision == Precision::kFast;
   if constexpr (std::same_as<C, ClosestHit>) {
     if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(closest_fast)(n, b, ray, collector);

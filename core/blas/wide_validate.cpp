@@ -2,7 +2,6 @@
 #include <string>
 #include <utility>
 
-#include "core/blas/cost_model.h"
 #include "core/blas/triangle_cover.h"
 #include "core/blas/wide_bvh.h"
 
@@ -126,35 +125,7 @@ class Validator {
 }  // namespace
 
 Status WideBvh::validate(const mesh::TriangleMesh& mesh) const {
-  return Validator(nodes_, blocks_, mesh, spatial_).run();
-}
-
-void WideBvh::add_stats(StructureStats& stats) const {
-  stats.node_count = nodes_.size();
-  stats.leaf_count = 0;
-  stats.reference_count = reference_count_;
-  stats.max_depth = 0;
-  stats.memory_bytes = nodes_.capacity() * sizeof(WideNode) + blocks_.capacity() * sizeof(TriangleBlock);
-  stats.cost = 0.0;
-  if (nodes_.empty()) return;
-  Bounds3f root;
-  for (std::uint32_t slot = 0; slot < nodes_[0].slots; ++slot) root.extend(nodes_[0].box(slot));
-  std::vector<std::uint8_t> depth(nodes_.size(), 0);
-  stats.cost = kWideNodeCost;
-  for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    stats.max_depth = std::max(stats.max_depth, std::size_t(depth[i]));
-    for (std::uint32_t slot = 0; slot < nodes_[i].slots; ++slot) {
-      const double probability = hit_probability(nodes_[i].box(slot), root);
-      const std::uint32_t link = nodes_[i].child[slot];
-      if (wide_child::is_leaf(link)) {
-        ++stats.leaf_count;
-        stats.cost += probability * kBlockCost * wide_child::block_count(link);
-      } else {
-        depth[link] = std::uint8_t(depth[i] + 1);
-        stats.cost += probability * kWideNodeCost;
-      }
-    }
-  }
+  return Validator(nodes(), blocks(), mesh, shape_.spatial).run();
 }
 
 }  // namespace gridcast::blas

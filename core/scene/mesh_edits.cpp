@@ -73,9 +73,11 @@ Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::Triang
   return Action{*std::move(built), MeshAction::kRebuild, std::move(reason)};
 }
 
-/// The decision of UpdateMode: refit, or rebuild with a reason.
+using Vertices = std::optional<std::vector<std::uint32_t>>;
+
+/// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any.
 Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
-                                UpdateMode mode) {
+                                const Vertices& vertices, UpdateMode mode) {
   const std::string kind(to_string(old.stats().kind));
   if (mode == UpdateMode::kRebuild) return rebuild(old, std::move(moved), "A rebuild was asked for.");
   if (!old.can_refit()) {
@@ -84,7 +86,7 @@ Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mes
       return Error{ErrorCode::kUnsupported, "a " + kind + " structure cannot be refitted", ""};
     return rebuild(old, std::move(moved), "A " + kind + " structure cannot be refitted.");
   }
-  auto refitted = old.refit(moved);
+  auto refitted = vertices ? old.refit(moved, *vertices) : old.refit(moved);
   if (!refitted) return refitted.error();
   if (mode == UpdateMode::kRefit)
     return Action{*std::move(refitted), MeshAction::kRefit, "A refit was asked for."};
@@ -108,8 +110,14 @@ Status MeshEdits::add(const Scene& scene, const ReplaceVertices& edit, std::size
   Pending& pending = pending_[edit.mesh_id];
   if (edit.vertex_ids.empty()) {
     pending.positions = edit.positions;
+    pending.vertices.reset();
   } else {
-    if (pending.positions.empty()) pending.positions = mesh.positions;
+    if (pending.edit_count == 0) {
+      pending.positions = mesh.positions;
+      pending.vertices.emplace();
+    }
+    if (pending.vertices)
+      pending.vertices->insert(pending.vertices->end(), edit.vertex_ids.begin(), edit.vertex_ids.end());
     for (std::size_t k = 0; k < edit.vertex_ids.size(); ++k)
       pending.positions[edit.vertex_ids[k]] = edit.positions[k];
   }
@@ -125,7 +133,8 @@ Status MeshEdits::apply(SceneEditor& editor) {
   for (auto& [mesh_id, pending] : pending_) {
     const Clock::time_point start = Clock::now();
     const blas::Blas old = editor.scene().blas(mesh_id);
-    auto action = refit_or_rebuild(old, moved_mesh(old.mesh(), std::move(pending.positions)), pending.mode);
+    auto action = refit_or_rebuild(old, moved_mesh(old.mesh(), std::move(pending.positions)),
+                                   pending.vertices, pending.mode);
     if (!action) {
       const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
       return Error{action.error().code, action.error().message, edit + "/mode"};

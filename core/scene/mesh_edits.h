@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "core/scene/scene_editor.h"
@@ -28,6 +29,7 @@ class MeshEdits {
  private:
   struct Pending {
     std::vector<Vec3f> positions;
+    std::optional<std::vector<std::uint32_t>> vertices;  ///< that may differ; none = any
     std::uint32_t edit_count = 0;
     std::size_t last_refit_edit = 0;  ///< the last edit of mode kRefit, for its error
     UpdateMode mode = UpdateMode::kAuto;
