@@ -202,6 +202,22 @@ bool Blas::occluded(const mesh::ObjectRay& ray, double tfar) const {
   return collect<kPrecision>(ray, any);
 }
 
+template <class C>
+bool Blas::collect_exact(const mesh::ObjectRay& ray, C& collector) const {
+  if (ray.exact->is_close) return collect<Precision::kExact>(ray, collector);
+  return BruteForce().intersect<Precision::kExact>(*mesh_, ray, collector);
+}
+
+bool Blas::intersect_exact(const mesh::ObjectRay& ray, mesh::ExactBest& best) const {
+  ExactClosest closest{best};
+  return collect_exact(ray, closest);
+}
+
+bool Blas::occluded_exact(const mesh::ObjectRay& ray, double tfar) const {
+  ExactAny any{tfar};
+  return collect_exact(ray, any);
+}
+
 template <Precision kPrecision>
 void Blas::intersect_every(const mesh::ObjectRay& ray, HitSink& sink) const {
   collect<kPrecision>(ray, sink);

@@ -17,6 +17,10 @@
 #include "core/mesh/object_ray.h"
 #include "core/mesh/triangle_mesh.h"
 
+namespace gridcast::mesh {
+struct ExactBest;
+}
+
 namespace gridcast::blas {
 
 class BruteForce;
@@ -104,6 +108,11 @@ class Blas {
   template <Precision kPrecision>
   [[nodiscard]] bool occluded(const mesh::ObjectRay& ray, double tfar) const;
 
+  /// intersect() of `exact`: `ray` was prepared by mesh::ExactRay.
+  bool intersect_exact(const mesh::ObjectRay& ray, mesh::ExactBest& best) const;
+  /// occluded() of `exact`.
+  [[nodiscard]] bool occluded_exact(const mesh::ObjectRay& ray, double tfar) const;
+
   /// Offers every hit in [ray.tnear, sink.tfar()] to the sink, as a Collector is offered hits: at least once,
   /// in any order. `ray` was prepared with bounds().
   template <Precision kPrecision>
@@ -136,6 +145,8 @@ class Blas {
   bool collect(const mesh::ObjectRay& ray, C& collector) const;
   template <class Refit>
   Result<Blas> refitted(std::shared_ptr<const mesh::TriangleMesh> moved, const Refit& refit) const;
+  template <class C>
+  bool collect_exact(const mesh::ObjectRay& ray, C& collector) const;
   void add_structure_stats();
   Status prefer_kd_tree(const std::stop_token& stop);
 

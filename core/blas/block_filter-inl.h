@@ -56,7 +56,9 @@ inline constexpr float kUnderflow = 0x1p-120F;
 /// =: e (origin, difference, shear, product, difference), an edge function with largest coordinate m then by
 /// less than 8 e (m + e) =: f, as in triangle_test.h. `fast` accepts points up to 12 q S = 1.5 e beside the
 /// triangle, which moves an edge function by at most 1.5 e * 2.9 m more; twice the bound covers both.
-/// Products of tiny numbers lose up to 2^-126 each, denormals flushed or not: kUnderflow on top.
+/// In `exact` e has 4 times the ray's drift more (ObjectRay::prepare), of which a sheared corner takes 2.04
+/// and the depth of a limit 1.13 (exact_test.h). Products of tiny numbers lose up to 2^-126 each, denormals
+/// flushed or not: kUnderflow on top.
 template <Precision kPrecision>
 HWY_INLINE BlockEdges edges_of(const TriangleBlock& block, const BlockRay& r) {
   const BlockRay::D4 d;
@@ -94,10 +96,10 @@ struct BlockDepths {
   Block4 from_far, far_error;
 };
 
-/// Where the hits lie in the range, for `robust`. A hit has depth (u az + v bz + w cz) / D with D = u + v +
-/// w, so it lies beyond a limit l when N = u (az - l) + v (bz - l) + w (cz - l) has the sign of D. Where the
-/// true edge functions are of one sign, |u| + |v| + |w| <= |D| + 6 f, and with F the largest |z - l|, N is
-/// off by at most
+/// Where the hits lie in the range, for `robust` and `exact`. A hit has depth (u az + v bz + w cz) / D with D
+/// = u + v + w, so it lies beyond a limit l when N = u (az - l) + v (bz - l) + w (cz - l) has the sign of D.
+/// Where the true edge functions are of one sign, |u| + |v| + |w| <= |D| + 6 f, and with F the largest |z -
+/// l|, N is off by at most
 ///   (|D| + 6 f) (2 e + 4 q F) + 3 f (F + 2 e) < pad |D| + 4 f (F + pad)    as F < 4 S,
 /// and N in the form Z - l D by as much. An infinite limit, an overflow or a NaN rejects nothing.
 HWY_INLINE BlockDepths depths_of(const BlockEdges& edges, const BlockRay& r, float s_far) {
@@ -167,9 +169,9 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
 }
 
 /// Decides about one triangle of a block.
-template <Precision kPrecision>
+template <Precision kPrecision, class Candidate>
 HWY_INLINE bool decide_lane(const TriangleBlock& block, std::uint32_t lane, const mesh::ObjectRay& ray,
-                            mesh::TriangleHit& hit) {
+                            Candidate& hit) {
   if constexpr (kPrecision == Precision::kFast) {
     return mesh::intersect_triangle_fast(ray, block.corner(0, lane), block.corner(1, lane),
                                          block.corner(2, lane), hit);
@@ -178,7 +180,11 @@ HWY_INLINE bool decide_lane(const TriangleBlock& block, std::uint32_t lane, cons
       const auto& columns = block.corners[number];
       return Vec3f(columns[ray.kx][lane], columns[ray.ky][lane], columns[ray.kz][lane]);
     };
-    return mesh::intersect_triangle_robust(ray, {corner(0), corner(1), corner(2)}, hit);
+    const mesh::AxesTriangle triangle(corner(0), corner(1), corner(2));
+    if constexpr (kPrecision == Precision::kExact)
+      return mesh::intersect_triangle_exact(ray, triangle, block.ids[lane], hit);
+    else
+      return mesh::intersect_triangle_robust(ray, triangle, hit);
   }
 }
 
@@ -194,7 +200,7 @@ HWY_INLINE Offer intersect_leaf(const TriangleBlock* block, std::uint32_t count,
       if (block->ids[__builtin_ctz(certain)] != r.ray.excluded_primitive) return Offer::kDone;
     for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
       const auto lane = std::uint32_t(__builtin_ctz(candidates));
-      mesh::TriangleHit hit;
+      typename C::Candidate hit;
       if (!decide_lane<kPrecision>(*block, lane, r.ray, hit)) continue;
       const Offer offer = collector.offer(r.ray, hit, block->ids[lane]);
       if (offer == Offer::kDone) return offer;

@@ -39,6 +39,10 @@ template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh
                                                         AnyHit&) const;
 template bool BruteForce::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                         HitSink&) const;
+template bool BruteForce::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                       ExactClosest&) const;
+template bool BruteForce::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                       ExactAny&) const;
 
 void BruteForce::search(const mesh::TriangleMesh& mesh, PointSink& sink) const {
   for (std::uint32_t id = 0; id < mesh.triangle_count(); ++id)

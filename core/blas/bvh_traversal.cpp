@@ -85,5 +85,9 @@ template bool Bvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, cons
                                                  AnyHit&) const;
 template bool Bvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                  HitSink&) const;
+template bool Bvh::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                ExactClosest&) const;
+template bool Bvh::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                ExactAny&) const;
 
 }  // namespace gridcast::blas

@@ -306,6 +306,10 @@ template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh
                                                         AnyHit&) const;
 template bool EmbreeTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                         HitSink&) const;
+template bool EmbreeTree::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                       ExactClosest&) const;
+template bool EmbreeTree::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                       ExactAny&) const;
 
 void EmbreeTree::search(const mesh::TriangleMesh& /*mesh*/, PointSink& sink) const {
   if (scene_->scene == nullptr) return;

@@ -294,6 +294,12 @@ bool kd_every_fast(const KdLayout& t, const mesh::ObjectRay& r, HitSink& c) {
 bool kd_every_robust(const KdLayout& t, const mesh::ObjectRay& r, HitSink& c) {
   return traverse<Precision::kRobust>(t, r, c);
 }
+bool kd_closest_exact(const KdLayout& t, const mesh::ObjectRay& r, ExactClosest& c) {
+  return traverse<Precision::kExact>(t, r, c);
+}
+bool kd_any_exact(const KdLayout& t, const mesh::ObjectRay& r, ExactAny& c) {
+  return traverse<Precision::kExact>(t, r, c);
+}
 
 }  // namespace gridcast::blas::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -307,12 +313,18 @@ HWY_EXPORT(kd_any_fast);
 HWY_EXPORT(kd_any_robust);
 HWY_EXPORT(kd_every_fast);
 HWY_EXPORT(kd_every_robust);
+HWY_EXPORT(kd_closest_exact);
+HWY_EXPORT(kd_any_exact);
 
 template <Precision kPrecision, Collector C>
 bool KdTree::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {
   if (layout_.treelets.empty()) return false;
   constexpr bool kFast = kPrecision == Precision::kFast;
-  if constexpr (std::same_as<C, ClosestHit>) {
+  if constexpr (std::same_as<C, ExactClosest>) {
+    return HWY_DYNAMIC_DISPATCH(kd_closest_exact)(layout_, ray, collector);
+  } else if constexpr (std::same_as<C, ExactAny>) {
+    return HWY_DYNAMIC_DISPATCH(kd_any_exact)(layout_, ray, collector);
+  } else if constexpr (std::same_as<C, ClosestHit>) {
     if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(kd_closest_fast)(layout_, ray, collector);
     return HWY_DYNAMIC_DISPATCH(kd_closest_robust)(layout_, ray, collector);
   } else if constexpr (std::same_as<C, AnyHit>) {
@@ -336,6 +348,10 @@ template bool KdTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, c
                                                     AnyHit&) const;
 template bool KdTree::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                     HitSink&) const;
+template bool KdTree::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                   ExactClosest&) const;
+template bool KdTree::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                   ExactAny&) const;
 
 }  // namespace gridcast::blas
 #endif

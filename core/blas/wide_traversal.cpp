@@ -158,6 +158,12 @@ bool every_fast(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay
 bool every_robust(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, HitSink& c) {
   return traverse<Precision::kRobust>(n, b, r, c);
 }
+bool closest_exact(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, ExactClosest& c) {
+  return traverse<Precision::kExact>(n, b, r, c);
+}
+bool any_exact(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay& r, ExactAny& c) {
+  return traverse<Precision::kExact>(n, b, r, c);
+}
 
 }  // namespace gridcast::blas::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -171,6 +177,8 @@ HWY_EXPORT(any_fast);
 HWY_EXPORT(any_robust);
 HWY_EXPORT(every_fast);
 HWY_EXPORT(every_robust);
+HWY_EXPORT(closest_exact);
+HWY_EXPORT(any_exact);
 
 template <Precision kPrecision, Collector C>
 bool WideBvh::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {
@@ -178,7 +186,11 @@ bool WideBvh::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRa
   const WideNode* n = nodes().data();
   const TriangleBlock* b = blocks().data();
   constexpr bool kFast = kPrecision == Precision::kFast;
-  if constexpr (std::same_as<C, ClosestHit>) {
+  if constexpr (std::same_as<C, ExactClosest>) {
+    return HWY_DYNAMIC_DISPATCH(closest_exact)(n, b, ray, collector);
+  } else if constexpr (std::same_as<C, ExactAny>) {
+    return HWY_DYNAMIC_DISPATCH(any_exact)(n, b, ray, collector);
+  } else if constexpr (std::same_as<C, ClosestHit>) {
     if constexpr (kFast) return HWY_DYNAMIC_DISPATCH(closest_fast)(n, b, ray, collector);
     return HWY_DYNAMIC_DISPATCH(closest_robust)(n, b, ray, collector);
   } else if constexpr (std::same_as<C, AnyHit>) {
@@ -202,6 +214,10 @@ template bool WideBvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, 
                                                      AnyHit&) const;
 template bool WideBvh::intersect<Precision::kRobust>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
                                                      HitSink&) const;
+template bool WideBvh::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                    ExactClosest&) const;
+template bool WideBvh::intersect<Precision::kExact>(const mesh::TriangleMesh&, const mesh::ObjectRay&,
+                                                    ExactAny&) const;
 
 }  // namespace gridcast::blas
 #endif

@@ -26,8 +26,9 @@ struct PrimitiveRef {
 /// What became of a ray; the values are those of the wire format.
 enum class RayStatus : std::uint8_t { kMiss = 0, kHit = 1, kAmbiguous = 2, kTruncated = 3, kInvalid = 4 };
 
-/// `fast`: float triangle test, may lose a hit at an edge. `robust`: watertight. See core/README.md.
-enum class Precision : std::uint8_t { kFast, kRobust };
+/// `fast`: float triangle test, may lose a hit at an edge. `robust`: watertight. `exact`: as in real
+/// arithmetic. See core/README.md.
+enum class Precision : std::uint8_t { kFast, kRobust, kExact };
 
 // Outside these limits products of four factors could leave the range of double.
 inline constexpr double kMaxRayOrigin = 0x1p100;

@@ -94,9 +94,21 @@ void set_cull_half(ObjectRay& ray, const Axes& o, const Axes& d, Float4 inverse)
 /// An origin within so many mesh sizes stays where it is.
 constexpr double kNear = 3.0;
 
+/// A ray that stands for itself, and one that stands for another. A drift of d takes 2 d of the float bounds
+/// of an edge function's corner (pad / 4, see block_filter-inl.h), hence 8 d of pad; twice that, as the pad
+/// is rounded to float. A drift too small to change the pad fits the room that those bounds have.
+struct NoDrift {
+  [[nodiscard]] static double widen(double pad) { return pad; }
+};
+struct SomeDrift {
+  double drift;
+  [[nodiscard]] double widen(double pad) const { return pad + 16.0 * drift; }
+};
+
 }  // namespace
 
-bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
+template <class Drift>
+bool ObjectRay::prepare_with(const Ray& ray, const Bounds3f& bounds, Drift drift) {
   origin = ray.origin;
   direction = ray.direction;
   tnear = ray.tnear;
@@ -121,17 +133,18 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
   const double origin_size = abs(start).largest();
   distance = origin_size + box_size;
   side_error = 0x1p-45 * distance * distance;
-  if (!(tnear == 0.0 && origin_size <= kNear * box_size)) return prepare_far(ray, bounds, box_size);
+  if (!(tnear == 0.0 && origin_size <= kNear * box_size)) return prepare_far(ray, bounds, box_size, drift);
 
   // The common case, at a third of the cost: s = t * cull_scale, and the root of the tree tests the box.
   cull_shift = 0.0;
-  pad = float(0x1p-19 * distance + 0x1p-100);
+  pad = float(drift.widen(0x1p-19 * distance + 0x1p-100));
   const Axes d = inverse_scale * dir;
   set_cull_half(*this, start, d, 1.F / d.to_float());
   return bounds.lower.x <= bounds.upper.x;
 }
 
-bool ObjectRay::prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size) {
+template <class Drift>
+bool ObjectRay::prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size, Drift drift) {
   // Clip to the mesh's box in double, and reject a miss early. Components below 2^-52 count as 2^-52, which
   // moves the ray by less than the pad over the length of the box.
   const Axes dir(direction);
@@ -140,7 +153,7 @@ bool ObjectRay::prepare_far(const Ray& ray, const Bounds3f& bounds, double box_s
   // The box is grown by half the pad, so it holds what the triangle tests accept, `fast` included. Where the
   // range or the box ends, s is at most `distance` in size, and so is its rounding: that of the clip, of
   // tnear and tfar times the scale, and of the clamped components.
-  pad = float(0x1p-19 * (2.0 * box_size + 0x1p-22 * distance) + 0x1p-100);
+  pad = float(drift.widen(0x1p-19 * (2.0 * box_size + 0x1p-22 * distance) + 0x1p-100));
   const double slack = 0x1p-44 * distance + 0x1p-100;
   const double growth = 0.5 * double(pad) + slack;
   const Axes to_lower = (lower - start - growth) * inverse;
@@ -158,6 +171,14 @@ bool ObjectRay::prepare_far(const Ray& ray, const Bounds3f& bounds, double box_s
   const Axes d = (1.0 / cull_scale) * dir;
   set_cull_half(*this, start + cull_shift * d, d, inverse.to_float());
   return true;
+}
+
+bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
+  return prepare_with(ray, bounds, NoDrift{});
+}
+
+bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds, double drift) {
+  return prepare_with(ray, bounds, SomeDrift{drift});
 }
 
 }  // namespace gridcast::mesh

@@ -8,6 +8,8 @@
 
 namespace gridcast::mesh {
 
+struct ExactRay;
+
 /// A vector in a register's worth of memory, so that one store writes it.
 struct alignas(16) PaddedVec3f : Vec3f {
   using Vec3f::operator=;
@@ -52,9 +54,14 @@ struct ObjectRay {
   PaddedVec3f far_offset;  ///< s at the far plane b is b * inverse_direction + far_offset, at least
   float pad;               ///< how far (object units, per axis) a hit point may lie from its triangle's box
 
+  const ExactRay* exact;  ///< what `exact` mode knows beside; other modes neither set nor read it
+
   /// False when the ray was seen to miss `bounds` between tnear and tfar (then *this is unspecified).
   /// `ray` is in object space and valid; `bounds` holds every vertex of the mesh.
   bool prepare(const Ray& ray, const Bounds3f& bounds);
+  /// The same for a ray that stands for another: at every t of a hit, a point of the one lies within `drift`
+  /// (per axis) of the other's.
+  bool prepare(const Ray& ray, const Bounds3f& bounds, double drift);
 
   /// Upper bound of s at t: nothing at distance t or less lies beyond it.
   [[nodiscard]] float cull_far(double t) const {
@@ -63,7 +70,10 @@ struct ObjectRay {
   }
 
  private:
-  bool prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size);
+  template <class Drift>
+  bool prepare_with(const Ray& ray, const Bounds3f& bounds, Drift drift);
+  template <class Drift>
+  bool prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size, Drift drift);
 };
 
 /// Conservative slab test: true unless no point of a triangle inside `box` can be an accepted hit with

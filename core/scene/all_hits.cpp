@@ -87,6 +87,8 @@ void fill_columns(const Scene& scene, const RayBatch& rays, HitField fields,
 }  // namespace
 
 Result<HitLists> intersect_all(const Scene& scene, const RayBatch& rays, const AllHitsOptions& options) try {
+  if (options.precision == Precision::kExact)
+    return Error{ErrorCode::kUnsupported, "hits are listed in fast and robust precision", "/precision"};
   HitLists out;
   out.status.assign(rays.size(), RayStatus::kMiss);
   out.splits.assign(rays.size() + 1, 0);

@@ -11,7 +11,7 @@
 namespace gridcast::scene {
 
 struct AllHitsOptions {
-  Precision precision = Precision::kRobust;
+  Precision precision = Precision::kRobust;  ///< kUnsupported for kExact
   HitField fields = HitField::kAll;
   std::uint32_t max_hits = 65536;             ///< of a ray, at least 1: the nearest are kept
   std::uint64_t max_total_hits = 1ULL << 22;  ///< of the batch: more is an error

@@ -37,27 +37,42 @@ void fill_packet(const BatchTarget& target, const RayRun& run, const std::uint32
   packet.instance_id = target.sole_id;
 }
 
+/// Whether a valid ray hits the target's only instance; keeps the closest hit in `best` unless any will do.
+template <Precision kPrecision, bool kAnyHit>
+bool trace_sole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
+  const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
+  mesh::ObjectRay object_ray;
+  if (!prepare_for(object_ray, target.sole->transform, blas, ray, ray.tfar, target.sole_id, excluded))
+    return false;
+  if constexpr (kAnyHit)
+    return blas.template occluded<kPrecision>(object_ray, ray.tfar);
+  else
+    return blas.template intersect<kPrecision>(object_ray, best);
+}
+
+template <Precision kPrecision, bool kAnyHit>
+bool trace_whole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
+  if constexpr (kAnyHit) {
+    return any_hit<kPrecision>(target.scene, ray, excluded);
+  } else {
+    closest_hit<kPrecision>(target.scene, ray, excluded, best);
+    return best.valid();
+  }
+}
+
 template <Precision kPrecision, bool kAnyHit>
 void trace_single(const BatchTarget& target, RayRun& run, std::size_t i) {
   const Ray& ray = run.rays[i];
   const PrimitiveRef excluded = run.excluded.empty() ? PrimitiveRef{} : run.excluded[i];
+  Hit none;
+  Hit& best = kAnyHit ? none : run.hits[i];
   bool hit = false;
-  if (target.sole != nullptr) {
-    const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
-    mesh::ObjectRay object_ray;
-    if (prepare_for(object_ray, target.sole->transform, blas, ray, ray.tfar, target.sole_id, excluded)) {
-      if constexpr (kAnyHit) {
-        hit = blas.template occluded<kPrecision>(object_ray, ray.tfar);
-      } else {
-        blas.template intersect<kPrecision>(object_ray, run.hits[i]);
-      }
-    }
-  } else if constexpr (kAnyHit) {
-    hit = any_hit<kPrecision>(target.scene, ray, excluded);
+  if constexpr (kPrecision == Precision::kExact) {
+    hit = trace_whole<kPrecision, kAnyHit>(target, ray, excluded, best);
   } else {
-    closest_hit<kPrecision>(target.scene, ray, excluded, run.hits[i]);
+    hit = target.sole != nullptr ? trace_sole<kPrecision, kAnyHit>(target, ray, excluded, best)
+                                 : trace_whole<kPrecision, kAnyHit>(target, ray, excluded, best);
   }
-  if constexpr (!kAnyHit) hit = run.hits[i].valid();
   run.status[i] = hit ? RayStatus::kHit : RayStatus::kMiss;
   ++run.single_rays;
 }
@@ -125,12 +140,18 @@ void trace_run(const BatchTarget& target, RayRun& run) {
   const std::size_t count = run.rays.size();
   run.status.resize(count);
   if constexpr (!kAnyHit) run.hits.resize(count);
-  const bool packets = target.sole != nullptr && target.scene.blas(target.sole->mesh_id).has_packets();
+  // `exact` knows no packets.
+  const bool packets = kPrecision != Precision::kExact && target.sole != nullptr &&
+                       target.scene.blas(target.sole->mesh_id).has_packets();
   std::uint32_t together[RayPacket::kSize];
   std::uint32_t waiting = 0;
   const auto flush = [&] {
-    if (waiting < kFewestTogether || !trace_together<kPrecision, kAnyHit>(target, run, together, waiting))
-      for (std::uint32_t k = 0; k < waiting; ++k) trace_single<kPrecision, kAnyHit>(target, run, together[k]);
+    bool traced = false;
+    if constexpr (kPrecision != Precision::kExact)
+      traced =
+          waiting >= kFewestTogether && trace_together<kPrecision, kAnyHit>(target, run, together, waiting);
+    for (std::uint32_t k = 0; k < waiting && !traced; ++k)
+      trace_single<kPrecision, kAnyHit>(target, run, together[k]);
     waiting = 0;
   };
   for (std::size_t i = 0; i < count; ++i) {
@@ -151,5 +172,7 @@ template void trace_run<Precision::kFast, false>(const BatchTarget&, RayRun&);
 template void trace_run<Precision::kFast, true>(const BatchTarget&, RayRun&);
 template void trace_run<Precision::kRobust, false>(const BatchTarget&, RayRun&);
 template void trace_run<Precision::kRobust, true>(const BatchTarget&, RayRun&);
+template void trace_run<Precision::kExact, false>(const BatchTarget&, RayRun&);
+template void trace_run<Precision::kExact, true>(const BatchTarget&, RayRun&);
 
 }  // namespace gridcast::scene

@@ -14,11 +14,7 @@ void RunTracer::load(std::span<const Ray> rays, std::span<const PrimitiveRef> ex
 void RunTracer::intersect(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,
                           std::span<SurfaceHit> hits) {
   load(rays, excluded);
-  if (precision_ == Precision::kFast) {
-    trace_run<Precision::kFast, false>(target_, run_);
-  } else {
-    trace_run<Precision::kRobust, false>(target_, run_);
-  }
+  for_precision(precision_, [&]<Precision kPrecision>() { trace_run<kPrecision, false>(target_, run_); });
   for (std::size_t i = 0; i < rays.size(); ++i) {
     hits[i] = {};
     hits[i].status = run_.status[i];
@@ -31,11 +27,7 @@ void RunTracer::intersect(std::span<const Ray> rays, std::span<const PrimitiveRe
 void RunTracer::occluded(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,
                          std::span<RayStatus> status) {
   load(rays, excluded);
-  if (precision_ == Precision::kFast) {
-    trace_run<Precision::kFast, true>(target_, run_);
-  } else {
-    trace_run<Precision::kRobust, true>(target_, run_);
-  }
+  for_precision(precision_, [&]<Precision kPrecision>() { trace_run<kPrecision, true>(target_, run_); });
   std::copy(run_.status.begin(), run_.status.end(), status.begin());
 }
 

@@ -123,21 +123,21 @@ Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
 }
 
 SurfaceHit intersect(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded) {
-  return precision == Precision::kFast ? intersect_one<Precision::kFast>(scene, ray, excluded)
-                                       : intersect_one<Precision::kRobust>(scene, ray, excluded);
+  return for_precision(
+      precision, [&]<Precision kPrecision>() { return intersect_one<kPrecision>(scene, ray, excluded); });
 }
 
 RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded) {
-  return precision == Precision::kFast ? occluded_one<Precision::kFast>(scene, ray, excluded)
-                                       : occluded_one<Precision::kRobust>(scene, ray, excluded);
+  return for_precision(
+      precision, [&]<Precision kPrecision>() { return occluded_one<kPrecision>(scene, ray, excluded); });
 }
 
 Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const TraceOptions& options) try {
   HitColumns hits;
   hits.resize(rays.size(), options.fields);
-  const bool whole = options.precision == Precision::kFast
-                         ? intersect_all<Precision::kFast>(scene, rays, options, hits)
-                         : intersect_all<Precision::kRobust>(scene, rays, options, hits);
+  const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
+    return intersect_all<kPrecision>(scene, rays, options, hits);
+  });
   if (!whole) return cancelled();
   return hits;
 } catch (const std::bad_alloc&) {
@@ -147,9 +147,9 @@ Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const Tra
 Result<std::vector<RayStatus>> occluded(const Scene& scene, const RayBatch& rays,
                                         const TraceOptions& options) try {
   std::vector<RayStatus> status(rays.size(), RayStatus::kMiss);
-  const bool whole = options.precision == Precision::kFast
-                         ? occluded_all<Precision::kFast>(scene, rays, options, status)
-                         : occluded_all<Precision::kRobust>(scene, rays, options, status);
+  const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
+    return occluded_all<kPrecision>(scene, rays, options, status);
+  });
   if (!whole) return cancelled();
   return status;
 } catch (const std::bad_alloc&) {

@@ -5,6 +5,7 @@
 
 #include "core/mesh/object_ray.h"
 #include "core/scene/scene.h"
+#include "core/scene/trace_exact.h"
 
 namespace gridcast::scene {
 
@@ -19,32 +20,54 @@ inline bool prepare_for(mesh::ObjectRay& prepared, const InstanceTransform& tran
   return true;
 }
 
+/// What `body` gives as a template for the precision.
+template <class Body>
+inline auto for_precision(Precision precision, const Body& body) {
+  switch (precision) {
+    case Precision::kFast:
+      return body.template operator()<Precision::kFast>();
+    case Precision::kRobust:
+      return body.template operator()<Precision::kRobust>();
+    case Precision::kExact:
+      break;
+  }
+  return body.template operator()<Precision::kExact>();
+}
+
 /// The closest hit of a valid ray, starting from best.t = ray.tfar.
 template <Precision kPrecision>
 inline void closest_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
-  mesh::ObjectRay object_ray;
-  scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
-    const Instance& instance = scene.instance(id);
-    const blas::Blas& blas = scene.blas(instance.mesh_id);
-    if (prepare_for(object_ray, instance.transform, blas, ray, best.t, id, excluded))
-      blas.template intersect<kPrecision>(object_ray, best);
-    return best.t;
-  });
+  if constexpr (kPrecision == Precision::kExact) {
+    closest_hit_exact(scene, ray, excluded, best);
+  } else {
+    mesh::ObjectRay object_ray;
+    scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
+      const Instance& instance = scene.instance(id);
+      const blas::Blas& blas = scene.blas(instance.mesh_id);
+      if (prepare_for(object_ray, instance.transform, blas, ray, best.t, id, excluded))
+        blas.template intersect<kPrecision>(object_ray, best);
+      return best.t;
+    });
+  }
 }
 
 /// Whether a valid ray hits anything.
 template <Precision kPrecision>
 inline bool any_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
-  bool hit = false;
-  mesh::ObjectRay object_ray;
-  scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
-    const Instance& instance = scene.instance(id);
-    const blas::Blas& blas = scene.blas(instance.mesh_id);
-    hit = prepare_for(object_ray, instance.transform, blas, ray, ray.tfar, id, excluded) &&
-          blas.template occluded<kPrecision>(object_ray, ray.tfar);
-    return hit ? -std::numeric_limits<double>::infinity() : ray.tfar;
-  });
-  return hit;
+  if constexpr (kPrecision == Precision::kExact) {
+    return any_hit_exact(scene, ray, excluded);
+  } else {
+    bool hit = false;
+    mesh::ObjectRay object_ray;
+    scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
+      const Instance& instance = scene.instance(id);
+      const blas::Blas& blas = scene.blas(instance.mesh_id);
+      hit = prepare_for(object_ray, instance.transform, blas, ray, ray.tfar, id, excluded) &&
+            blas.template occluded<kPrecision>(object_ray, ray.tfar);
+      return hit ? -std::numeric_limits<double>::infinity() : ray.tfar;
+    });
+    return hit;
+  }
 }
 
 /// A hit as the caller sees it, but for its status and normal.
