@@ -34,10 +34,6 @@ std::span<const std::string_view> known_parameters(RayQuestion question) {
 
 constexpr std::string_view kCountIsRobust = "counts are decided as by robust, and no other way";
 
-Precision to_precision(std::string_view name) {
-  return name == "fast" ? Precision::kFast : Precision::kRobust;
-}
-
 HitField read_fields(const JsonNode& node) {
   HitField fields{};
   const auto array = read_array(node);

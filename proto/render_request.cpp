@@ -66,7 +66,7 @@ void read_settings(const ObjectReader& object, const Limits& limits, RenderReque
     request.integrator = read_choice(*node, kIntegratorNames);
   if (const JsonNode* node = object.find("layers")) request.layers = read_layers(*node);
   if (const JsonNode* node = object.find("precision"))
-    request.precision = read_choice(*node, kPrecisionNames) == "fast" ? Precision::kFast : Precision::kRobust;
+    request.precision = to_precision(read_choice(*node, kPrecisionNames));
   if (const JsonNode* node = object.find("deadline_ms"))
     request.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
 }

@@ -5,11 +5,13 @@
 #include <array>
 #include <string_view>
 
+#include "core/math/precision_names.h"
+
 namespace gridcast::proto {
 
 inline constexpr std::array<std::string_view, 6> kStructureNames{"auto",     "brute_force", "bvh",
                                                                  "wide_bvh", "kd_tree",     "embree"};
-inline constexpr std::array<std::string_view, 2> kPrecisionNames{"fast", "robust"};
+using gridcast::kPrecisionNames;
 inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
 /// `op` of a transaction's edits.
 inline constexpr std::array<std::string_view, 4> kEditNames{"add_instance", "move_instance",

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "core/math/precision_names.h"
+
 namespace gridcast::server {
 namespace {
 
@@ -64,9 +66,9 @@ void add_what(CLI::App& app, BenchRequest& request) {
                  "What to measure, with commas: rays, build, refit, instances, serve; without it all")
       ->delimiter(',')
       ->check(CLI::IsMember({"rays", "build", "refit", "instances", "serve"}));
-  app.add_option("--precision", request.precisions, "fast, robust; without it both")
+  app.add_option("--precision", request.precisions, "fast, robust, exact; without it the first two")
       ->delimiter(',')
-      ->check(CLI::IsMember({"fast", "robust"}));
+      ->check(CLI::IsMember({"fast", "robust", "exact"}));
 }
 
 void add_how(CLI::App& app, BenchRequest& request) {
@@ -130,8 +132,7 @@ measure::BenchOptions BenchRequest::options(std::stop_token stop) const {
   for (const std::string& name : structures)
     made.structures.push_back(blas::parse_structure_kind(name).value());
   if (!precisions.empty()) made.precisions.clear();
-  for (const std::string& name : precisions)
-    made.precisions.push_back(name == "fast" ? Precision::kFast : Precision::kRobust);
+  for (const std::string& name : precisions) made.precisions.push_back(to_precision(name));
   return made;
 }
 

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/io/image.h"
+#include "core/math/precision_names.h"
 #include "core/scene/trace.h"
 #include "proto/hit_reply.h"
 #include "proto/vocabulary.h"
@@ -54,9 +55,9 @@ class CastCommand final : public Command {
         ->check(CLI::IsMember(
             std::vector<std::string>(proto::kHitFieldNames.begin(), proto::kHitFieldNames.end())));
     app.add_flag("--any", any_, "Only whether anything is hit, not what is hit first");
-    app.add_option("--precision", precision_, "fast or robust")
+    app.add_option("--precision", precision_, "fast, robust or exact")
         ->capture_default_str()
-        ->check(CLI::IsMember({"fast", "robust"}));
+        ->check(CLI::IsMember(std::vector<std::string>(kPrecisionNames.begin(), kPrecisionNames.end())));
   }
 
   int run(const std::stop_token& stop) override {

@@ -2,6 +2,7 @@
 
 #include <cstdio>
 
+#include "core/math/precision_names.h"
 #include "proto/vocabulary.h"
 #include "server/signals.h"
 
@@ -52,9 +53,9 @@ int report(const std::string& file, const Error& error) {
 }
 
 Result<Precision> parse_precision(const std::string& name) {
-  if (name == "fast") return Precision::kFast;
-  if (name == "robust") return Precision::kRobust;
-  return Error{ErrorCode::kInvalidArgument, "precision is fast or robust", "--precision"};
+  for (const std::string_view known : kPrecisionNames)
+    if (known == name) return to_precision(name);
+  return Error{ErrorCode::kInvalidArgument, "precision is fast, robust or exact", "--precision"};
 }
 
 std::string grouped(std::uint64_t number) {

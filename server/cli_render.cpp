@@ -59,9 +59,9 @@ class RenderCommand final : public Command {
     app.add_option("--max-depth", request_.max_depth, "Reflections and refractions after the primary ray")
         ->capture_default_str()
         ->check(CLI::Range(0, 64));
-    app.add_option("--precision", precision_, "fast or robust")
+    app.add_option("--precision", precision_, "fast, robust or exact")
         ->capture_default_str()
-        ->check(CLI::IsMember(words(proto::kPrecisionNames)));
+        ->check(CLI::IsMember(words(kPrecisionNames)));
   }
 
   int run(const std::stop_token& stop) override {

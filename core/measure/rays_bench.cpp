@@ -9,6 +9,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include "core/math/precision_names.h"
 #include "core/measure/answers.h"
 #include "core/measure/bench.h"
 #include "core/measure/embree_yardstick.h"
@@ -194,7 +195,7 @@ class RaysOfScene {
           RayRow added = row(rays, threads);
           added.engine = "gridcast";
           added.structure = blas::to_string(our.structure);
-          added.precision = precision == Precision::kFast ? "fast" : "robust";
+          added.precision = to_string(precision);
           added.entry = batch ? "batch" : "single";
           add_our(rays, std::move(added), *our.scene, precision);
         }

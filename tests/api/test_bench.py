@@ -86,7 +86,7 @@ def test_people_get_tables_and_no_bar_in_a_pipe(bench):
 
 @pytest.mark.parametrize("arguments", [["--scene", "S9"], ["--set", "bounce"], ["--structure", "octree"], ["--threads", "0"],
                                        ["--rays", "-4"], ["--rays", "x"], ["--repeat", "0"], ["--section", "speed"],
-                                       ["--size", "2"], ["--precision", "exact"], ["--fast"], ["S1"],
+                                       ["--size", "2"], ["--precision", "sharp"], ["--fast"], ["S1"],
                                        ["--scene", "S1", "--file", "x.glb"]], ids=" ".join)
 def test_wrong_usage_is_2_with_one_line(bench, arguments):
     done = bench(*arguments)

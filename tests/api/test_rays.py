@@ -88,7 +88,7 @@ def test_any_hit_agrees_with_closest_hit(spheres):
 
 
 @pytest.mark.parametrize("structure", ["brute_force", "bvh", "wide_bvh", "kd_tree", "embree"])
-@pytest.mark.parametrize("precision", ["fast", "robust"])
+@pytest.mark.parametrize("precision", ["fast", "robust", "exact"])
 def test_every_structure_gives_the_same_bits(load, structure, precision):
     rays = models.random_rays(1500, seed=3)
     reference = load(models.row_of_spheres(), structure="brute_force").cast(rays, precision=precision).columns()
@@ -126,6 +126,19 @@ def test_t_error_comes_when_named_and_covers_the_true_t(box):
                                       "fields": ["t_error"]}).json()
     assert text["t_error"][2] is None
     assert json_columns(text)["t_error"].tobytes() == binary["t_error"].tobytes()
+
+
+def test_exact_sees_which_plane_is_closer_where_doubles_cannot(box):
+    # The top of instance 0 is at 1 - 2^-60, that of instance 1 at 1; from 10 both are 9 away in doubles.
+    box.post("/instances", {"mesh_id": 0})
+    box.patch("/instances/0", {"transform": [[1, 0, 0, 0], [0, 1, 0, -2.0 ** -60], [0, 0, 1, 0]]})
+    ray = {"origins": [[0.25, 10, 0.5]], "directions": [[0, -1, 0]]}
+    assert box.post("/rays/closest", ray | {"precision": "robust"}).json()["instance_id"] == [0]
+    assert box.post("/rays/closest", ray | {"precision": "exact"}).json()["instance_id"] == [1]
+    assert box.delete("/instances/1").status == 204
+    ends_before = ray | {"tfar": [9]}
+    assert box.post("/rays/any", ends_before | {"precision": "robust"}).json()["occluded"] == [True]
+    assert box.post("/rays/any", ends_before | {"precision": "exact"}).json()["occluded"] == [False]
 
 
 def test_t_error_covers_thirds(box):
@@ -210,7 +223,7 @@ def test_a_large_batch_goes_through(load):
     assert few["t"].tobytes() == columns["t"][:1000].tobytes()
 
 
-@pytest.mark.parametrize("query, pointer", [({"precision": "exact"}, "?precision"), ({"fields": "depth"}, "?fields"),
+@pytest.mark.parametrize("query, pointer", [({"precision": "exactly"}, "?precision"), ({"fields": "depth"}, "?fields"),
                                             ({"deadline_ms": "-1"}, "?deadline_ms"), ({"stats": "yes"}, "?stats"),
                                             ({"deadline_ms": "nan"}, "?deadline_ms"), ({"at": "1"}, "?at")])
 def test_wrong_options_are_422(box, query, pointer):

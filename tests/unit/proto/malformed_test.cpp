@@ -197,7 +197,7 @@ TEST(MalformedJson, rays_of_the_wrong_shape_are_422_with_the_place) {
       {rays_with(R"(,"exclude":[[-1,2]])"), "out_of_range 422 /exclude/0/0"},
       {rays_with(R"(,"exclude":[[1,4294967295]])"), "out_of_range 422 /exclude/0/1"},
       {rays_with(R"(,"exclude":[[1,0.5]])"), "wrong_type 422 /exclude/0/1"},
-      {rays_with(R"(,"precision":"exact")"), "invalid_value 422 /precision"},
+      {rays_with(R"(,"precision":"exactly")"), "invalid_value 422 /precision"},
       {rays_with(R"(,"precision":1)"), "wrong_type 422 /precision"},
       {rays_with(R"(,"fields":"uv")"), "wrong_type 422 /fields"},
       {rays_with(R"(,"fields":["uv","w"])"), "invalid_value 422 /fields/1"},

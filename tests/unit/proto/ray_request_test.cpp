@@ -56,9 +56,9 @@ TEST(RayRequest, no_rays_are_a_valid_request) {
 TEST(RayRequest, the_query_string_wins_over_the_body) {
   const std::string body = R"({"origins":[],"directions":[],"precision":"fast","fields":["uv"]})";
   const auto request = parse_ray_request("application/json", body,
-                                         {{"precision", "robust"}, {"fields", "normal,mesh_id"}}, Limits{});
+                                         {{"precision", "exact"}, {"fields", "normal,mesh_id"}}, Limits{});
   ASSERT_EQ(outcome(request), "ok");
-  EXPECT_EQ(request.value().options.precision, Precision::kRobust);
+  EXPECT_EQ(request.value().options.precision, Precision::kExact);
   EXPECT_EQ(request.value().options.fields, HitField::kNormal | HitField::kMeshId);
 }
 
