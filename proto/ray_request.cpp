@@ -32,7 +32,14 @@ std::span<const std::string_view> known_parameters(RayQuestion question) {
   return question == RayQuestion::kAll ? all : all.first(4);
 }
 
-constexpr std::string_view kCountIsRobust = "counts are decided as by robust, and no other way";
+/// Why a question is not answered in a precision; empty when it is.
+std::string_view refusal(RayQuestion question, Precision precision) {
+  if (question == RayQuestion::kCount && precision != Precision::kRobust)
+    return "counts are decided as by robust, and no other way";
+  if (question == RayQuestion::kAll && precision == Precision::kExact)
+    return "hits are listed in fast and robust precision";
+  return {};
+}
 
 HitField read_fields(const JsonNode& node) {
   HitField fields{};
@@ -87,9 +94,9 @@ std::optional<Problem> apply_query(const QueryParameters& parameters, const Limi
     options.deadline_ms = deadline;
   if (query.find("max_hits") != nullptr)
     options.max_hits = std::uint32_t(query.integer("max_hits", 1, limits.hits_per_ray, 1));
-  if (question == RayQuestion::kCount && query.find("precision") != nullptr &&
-      options.precision == Precision::kFast)
-    query.fail(ProblemCode::kInvalidValue, "precision", std::string(kCountIsRobust));
+  const std::string_view refused = refusal(question, options.precision);
+  if (query.find("precision") != nullptr && !refused.empty())
+    query.fail(ProblemCode::kInvalidValue, "precision", std::string(refused));
   return query.problem();
 }
 
@@ -201,8 +208,8 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, R
   JsonProblems problems;
   const ObjectReader object(document.value().root(problems), known_members(question));
   if (!problems.any()) read_options(object, limits, question, request.options);
-  if (question == RayQuestion::kCount && request.options.precision == Precision::kFast)
-    problems.add(ProblemCode::kInvalidValue, "/precision", std::string(kCountIsRobust));
+  if (const std::string_view refused = refusal(question, request.options.precision); !refused.empty())
+    problems.add(ProblemCode::kInvalidValue, "/precision", std::string(refused));
   if (!problems.any()) read_rays(object, limits, question, request);
   if (problems.any()) return problems.first();
   return std::nullopt;

@@ -73,6 +73,9 @@ def test_options_of_lists(box):
     ("/rays/count", {"after": [None]}, "unknown_field", "/after"),
     ("/rays/count", {"precision": "fast"}, "invalid_value", "/precision"),
     ("/rays/count?precision=fast", {}, "invalid_value", "?precision"),
+    ("/rays/count", {"precision": "exact"}, "invalid_value", "/precision"),
+    ("/rays/all", {"precision": "exact"}, "invalid_value", "/precision"),
+    ("/rays/all?precision=exact", {}, "invalid_value", "?precision"),
 ])
 def test_refusals_name_the_place(box, path, more, code, pointer):
     reply = box.post(path, as_json(models.rays_down([[0, 0]]), **more))
