@@ -104,12 +104,12 @@ Dyadic operator*(const Dyadic& a, const Dyadic& b) {
     const std::uint64_t factor = a.limbs_[std::size_t(i)];
     std::uint64_t carry = 0;
     for (int j = 0; j < b.size_; ++j) {
-      std::uint64_t& out = product.limbs_[std::size_t(i + j)];
+      std::uint64_t& out = product.limbs_[std::size_t(i) + std::size_t(j)];
       const Uint128 sum = Uint128(factor) * b.limbs_[std::size_t(j)] + out + carry;
       out = std::uint64_t(sum);
       carry = std::uint64_t(sum >> kLimbBits);
     }
-    product.limbs_[std::size_t(i + b.size_)] = carry;
+    product.limbs_[std::size_t(i) + std::size_t(b.size_)] = carry;
   }
   product.trim();
   return product;

@@ -54,8 +54,10 @@ TEST(TraceExact, TheRangeIsClosedAndNotRounded) {
 TEST(TraceExact, TheBorderIsHitAndBesideItIsNot) {
   const auto scene = squares_at({0x1p-70});
   EXPECT_EQ(occluded(*scene, Ray{{1.0, 1.0, 0.25}, kDown}, Precision::kExact), RayStatus::kHit);
-  EXPECT_EQ(occluded(*scene, Ray{{1.0, 1.0, 0.25}, {0x1p-80, -1.0, 0.0}}, Precision::kExact), RayStatus::kMiss);
-  EXPECT_EQ(occluded(*scene, Ray{{1.0, 1.0, 0.25}, {-0x1p-80, -1.0, 0.0}}, Precision::kExact), RayStatus::kHit);
+  EXPECT_EQ(occluded(*scene, Ray{{1.0, 1.0, 0.25}, {0x1p-80, -1.0, 0.0}}, Precision::kExact),
+            RayStatus::kMiss);
+  EXPECT_EQ(occluded(*scene, Ray{{1.0, 1.0, 0.25}, {-0x1p-80, -1.0, 0.0}}, Precision::kExact),
+            RayStatus::kHit);
 }
 
 TEST(TraceExact, ARayInThePlaneHitsNothing) {
@@ -63,7 +65,8 @@ TEST(TraceExact, ARayInThePlaneHitsNothing) {
   EXPECT_EQ(occluded(*scene, Ray{{-3.0, 0.25, 0.25}, {1.0, 0.0, 0.0}}, Precision::kExact), RayStatus::kMiss);
   EXPECT_EQ(occluded(*scene, Ray{{-3.0, 0.25, 0.25}, {1.0, 0x1p-90, 0.0}}, Precision::kExact),
             RayStatus::kMiss);
-  EXPECT_EQ(occluded(*scene, Ray{{0.0, 0.25, 0.25}, {1.0, 0x1p-90, 0.0}}, Precision::kExact), RayStatus::kHit);
+  EXPECT_EQ(occluded(*scene, Ray{{0.0, 0.25, 0.25}, {1.0, 0x1p-90, 0.0}}, Precision::kExact),
+            RayStatus::kHit);
 }
 
 TEST(TraceExact, InvalidRaysAreSaidToBe) {
