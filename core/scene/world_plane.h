@@ -19,6 +19,8 @@ class WorldPlane {
   [[nodiscard]] Certified height(const Vec3d& p) const { return height(certified(p)); }
   /// The same for the point o + t d of a ray, the sum not rounded.
   [[nodiscard]] Certified height(const Ray& ray, double t) const;
+  /// The same for A p + T, the image of a point of object space.
+  [[nodiscard]] Certified height_of_object_point(const Vec3d& p) const;
   /// normal() . v
   [[nodiscard]] Certified along(const Vec3d& v) const { return dot(normal_, certified(v)); }
   /// (A p1 - A p0) x (A p2 - A p0): of any length, on the side of counter-clockwise winding in world space.
@@ -27,6 +29,7 @@ class WorldPlane {
  private:
   [[nodiscard]] Certified height(const Certified3& p) const;
 
+  Mat3d linear_;
   Certified3 translation_;
   Certified3 corner_;  ///< A p0
   Certified3 normal_;
