@@ -1,5 +1,7 @@
 #include "core/render/surface.h"
 
+#include "core/scene/spawn.h"
+
 namespace gridcast::render {
 namespace {
 
@@ -75,30 +77,23 @@ Vec3d turned_to_viewer(const Vec3d& normal, const Vec3d& view) {
 
 Surface make_surface(const scene::Scene& scene, const Ray& ray, const SurfaceHit& hit) {
   Surface surface;
-  const Vec3d step = hit.t * ray.direction;
-  surface.point = ray.origin + step;
+  surface.hit = hit;
+  surface.point = scene::SpawnPoint(scene, hit).position();
   surface.view = -glm::normalize(ray.direction);
-  // The hit distance and the sum above are good to a few units in the last place of double (2^-52); 2^-40
-  // leaves three digits of room and is still 10^-9 of a millimetre at one metre. An ill-conditioned instance
-  // adds its own, measured error. No epsilon to tune: it scales with the scene.
-  const InstanceTransform& transform = scene.instance(hit.instance_id).transform;
-  surface.rounding =
-      0x1p-40 * (max_abs(surface.point) + max_abs(ray.origin) + max_abs(step)) +
-      2.0 * transform.round_trip_error() * max_abs(surface.point - transform.world_from_object().translation);
   surface.side = glm::dot(hit.normal, ray.direction) <= 0.0 ? Side::kFront : Side::kBack;
   surface.geometric = surface.side == Side::kFront ? hit.normal : -hit.normal;
   surface.normal = surface.geometric;
   surface.smooth_point = surface.point;
-  surface.primitive = {hit.instance_id, hit.primitive_id};
   surface.material = &material_of(scene, scene.blas(hit.mesh_id).mesh(), hit.primitive_id);
   smooth(scene, hit, surface);
   surface.normal = turned_to_viewer(surface.normal, surface.view);
   return surface;
 }
 
-Vec3d spawn_origin(const Surface& surface, const Vec3d& point, Leave leave) {
-  return leave == Leave::kTowardsViewer ? point + surface.rounding * surface.geometric
-                                        : point - surface.rounding * surface.geometric;
+Vec3d spawn_origin(const scene::Scene& scene, const Surface& surface, const Vec3d& point, Leave leave) {
+  const Vec3d& towards = surface.geometric;
+  return scene::SpawnPoint(scene, surface.hit)
+      .origin(point, leave == Leave::kTowardsViewer ? towards : -towards);
 }
 
 }  // namespace gridcast::render

@@ -16,17 +16,20 @@ struct Surface {
       0.0};  ///< unit normal for shading: interpolated where the mesh has normals, on the viewer's side
   Vec3d smooth_point{
       0.0};  ///< `point` lifted onto the curved surface that the normals pretend; shadow rays' start
-  double rounding = 0.0;     ///< bound of the rounding error of `point`, in metres
   Side side = Side::kFront;  ///< front: the ray came from the side of counter-clockwise winding
-  PrimitiveRef primitive;
+  SurfaceHit hit;
+  [[nodiscard]] PrimitiveRef primitive() const { return {hit.instance_id, hit.primitive_id}; }
   const scene::Material* material = nullptr;  ///< never null
 };
 
 /// `hit` is a hit of `ray` with `scene`.
 [[nodiscard]] Surface make_surface(const scene::Scene& scene, const Ray& ray, const SurfaceHit& hit);
 
-/// Where a ray starts that leaves the surface from `point` on the viewer's side, or on the other one.
+/// Where a ray starts that leaves the surface from `point` on the viewer's side, or on the other one: see
+/// scene::SpawnPoint. Neighbours in the same plane are as near as the triangle itself, which is excluded
+/// beside.
 enum class Leave : std::uint8_t { kTowardsViewer, kThrough };
-[[nodiscard]] Vec3d spawn_origin(const Surface& surface, const Vec3d& point, Leave leave);
+[[nodiscard]] Vec3d spawn_origin(const scene::Scene& scene, const Surface& surface, const Vec3d& point,
+                                 Leave leave);
 
 }  // namespace gridcast::render

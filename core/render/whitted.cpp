@@ -155,7 +155,7 @@ void Whitted::ask_for_shadows(const Surface& surface, std::vector<ShadowQueue>& 
   each_light(lighting_, surface, make_brdf(*surface.material),
              [&](std::size_t light, const Illumination& illumination, const Vec3f& /*lit*/) {
                queues[light].rays.push_back(shadow_ray(surface, illumination));
-               queues[light].from.push_back(surface.primitive);
+               queues[light].from.push_back(surface.primitive());
              });
 }
 
@@ -166,8 +166,8 @@ Vec3f Whitted::reflected(const Surface& surface, const Brdf& brdf, const Vec3f& 
   const Vec3f blurred = lighting_.sky.glossy(direction, brdf.roughness);
   const float weight = path.weight * sharpness * max_component(share);
   if (path.depth >= max_depth_ || weight < kMinWeight) return share * blurred;
-  const Ray ray{spawn_origin(surface, surface.point, Leave::kTowardsViewer), direction};
-  const Vec3f seen = trace(ray, surface.primitive, {path.depth + 1, weight});
+  const Ray ray{spawn_origin(scene_, surface, surface.point, Leave::kTowardsViewer), direction};
+  const Vec3f seen = trace(ray, surface.primitive(), {path.depth + 1, weight});
   return share * glm::mix(blurred, seen, sharpness);
 }
 
@@ -175,19 +175,19 @@ Vec3f Whitted::refracted(const Surface& surface, const Vec3d& direction, const V
                          Path path) const {
   const float weight = path.weight * max_component(share);
   if (path.depth >= max_depth_ || weight < kMinWeight) return share * lighting_.sky.radiance(direction);
-  const Ray ray{spawn_origin(surface, surface.point, Leave::kThrough), direction};
-  return share * trace(ray, surface.primitive, {path.depth + 1, weight});
+  const Ray ray{spawn_origin(scene_, surface, surface.point, Leave::kThrough), direction};
+  return share * trace(ray, surface.primitive(), {path.depth + 1, weight});
 }
 
 Ray Whitted::shadow_ray(const Surface& surface, const Illumination& light) const {
-  return {spawn_origin(surface, surface.smooth_point, Leave::kTowardsViewer), light.to_light, 0.0,
+  return {spawn_origin(scene_, surface, surface.smooth_point, Leave::kTowardsViewer), light.to_light, 0.0,
           light.tfar};
 }
 
 Vec3f Whitted::visibility(const Surface& surface, const Illumination& light) const {
   const Ray shadow = shadow_ray(surface, light);
-  if (has_glass_) return through_glass(shadow, surface.primitive);
-  const RayStatus status = scene::occluded(scene_, shadow, precision_, surface.primitive);
+  if (has_glass_) return through_glass(shadow, surface.primitive());
+  const RayStatus status = scene::occluded(scene_, shadow, precision_, surface.primitive());
   return status == RayStatus::kHit ? Vec3f(0.F) : Vec3f(1.F);
 }
 
@@ -200,9 +200,9 @@ Vec3f Whitted::through_glass(Ray ray, PrimitiveRef from) const {
     const Surface surface = make_surface(scene_, ray, hit);
     passed *= make_brdf(*surface.material).transmit;
     if (!(max_component(passed) > kMinWeight)) break;
-    ray.origin = spawn_origin(surface, surface.point, Leave::kThrough);
+    ray.origin = spawn_origin(scene_, surface, surface.point, Leave::kThrough);
     ray.tfar -= hit.t;
-    from = surface.primitive;
+    from = surface.primitive();
   }
   return Vec3f(0.F);
 }

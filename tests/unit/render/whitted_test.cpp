@@ -189,6 +189,65 @@ TEST(Whitted, smooth_normals_leave_no_facets_of_shadow_at_the_terminator) {
   EXPECT_EQ(blocked, 0U);
 }
 
+// The light stands askew to the mesh, so that the terminator crosses facets in every way: a coarse sphere is
+// lit wherever its smooth normals face the light.
+TEST(Whitted, smooth_shadows_hold_where_the_light_is_askew_to_the_mesh) {
+  mesh::TriangleMesh sphere = test::icosphere(2);
+  sphere.normals = mesh::smooth_normals(sphere);
+  const Vec3d to_light = glm::normalize(Vec3d(1.0, 0.37, -0.21));
+  const auto scene =
+      SceneMaker().add(sphere, matt(1, 1, 1)).light(directional(-to_light, std::numbers::pi)).build();
+  const RenderSettings settings = from_front(1.0, 160);
+  const Film film = rendered(*scene, settings);
+  const float ambient = film.exposure * color_at(film, 12, 80).y;  // the dark side
+  std::size_t blocked = 0, checked = 0;
+  for (int y = 0; y < 160; ++y) {
+    for (int x = 0; x < 160; ++x) {
+      const double px = (x + 0.5) / 80.0 - 1.0, py = 1.0 - (y + 0.5) / 80.0;
+      if (px * px + py * py > 0.6) continue;
+      const double cosine = glm::dot(Vec3d(px, py, std::sqrt(1.0 - px * px - py * py)), to_light);
+      if (cosine < 0.1 || cosine > 0.35) continue;
+      ++checked;
+      blocked += std::size_t(film.exposure * color_at(film, x, y).y <
+                             ambient + 0.3F * float(cosine) * film.exposure);
+    }
+  }
+  EXPECT_GT(checked, 1500U);
+  EXPECT_EQ(blocked, 0U);
+}
+
+// A room whose walls are 1e-13 of its size thick, at any place: no light from outside comes in, and outside
+// no point shades itself. Pictures of one plane, so every pixel is as bright as any other.
+TEST(Whitted, thin_walls_keep_the_light_out_and_do_not_shade_themselves) {
+  const auto brightness = [](double offset, double thickness, double eye) {
+    Affine inner = moved(Vec3d(offset)), outer = inner;
+    outer.linear = Mat3d(1.0 + thickness);
+    const mesh::TriangleMesh box = test::box({-1, -1, -1}, {1, 1, 1});
+    const auto scene = SceneMaker()
+                           .add(box, matt(1, 1, 1), inner)
+                           .add(box, matt(1, 1, 1), outer)
+                           .light(directional({0.3, -0.5, -1.0}, 1.0))
+                           .build();
+    RenderSettings settings = from_front(0.95, 48, eye);
+    settings.camera.world_from_camera.translation += Vec3d(offset);
+    const Film film = rendered(*scene, settings);
+    std::pair<float, float> range{1e30F, 0.F};
+    for (int i = 0; i < 48 * 48; ++i) {
+      const float green = color_at(film, i % 48, i / 48).y;
+      range = {std::min(range.first, green), std::max(range.second, green)};
+    }
+    return range;
+  };
+  for (const double offset : {0.0, 1e4}) {
+    const auto dark = brightness(offset, 0.5, 0.5);
+    const auto inside = brightness(offset, std::max(1e-13, 1e-14 * offset), 0.5);
+    EXPECT_EQ(inside, dark) << "light leaks in at " << offset;
+    const auto outside = brightness(offset, std::max(1e-13, 1e-14 * offset), 5.0);
+    EXPECT_EQ(outside.second, outside.first) << "shadows of its own at " << offset;
+    EXPECT_GT(outside.first, 0.25F);
+  }
+}
+
 TEST(Whitted, nested_glass_with_many_bounces_ends) {
   SceneMaker maker;
   for (int i = 1; i <= 8; ++i) maker.add(test::icosphere(2, 0.12F * float(i)), glass(1.1F + 0.1F * float(i)));
