@@ -136,7 +136,7 @@ void RayRun::load(const RayBatch& batch, std::span<const std::uint32_t> permutat
 }
 
 template <Precision kPrecision, bool kAnyHit>
-void trace_run(const BatchTarget& target, RayRun& run) {
+bool trace_run(const BatchTarget& target, RayRun& run, const std::stop_token& stop) {
   const std::size_t count = run.rays.size();
   run.status.resize(count);
   if constexpr (!kAnyHit) run.hits.resize(count);
@@ -145,16 +145,21 @@ void trace_run(const BatchTarget& target, RayRun& run) {
                        target.scene.blas(target.sole->mesh_id).has_packets();
   std::uint32_t together[RayPacket::kSize];
   std::uint32_t waiting = 0;
+  bool stopped = false;
+  const auto trace_alone = [&](std::size_t i) {
+    stopped = stopped || stop.stop_requested();
+    if (!stopped) trace_single<kPrecision, kAnyHit>(target, run, i);
+  };
   const auto flush = [&] {
-    bool traced = false;
+    stopped = stopped || stop.stop_requested();
+    bool traced = stopped;
     if constexpr (kPrecision != Precision::kExact)
-      traced =
-          waiting >= kFewestTogether && trace_together<kPrecision, kAnyHit>(target, run, together, waiting);
-    for (std::uint32_t k = 0; k < waiting && !traced; ++k)
-      trace_single<kPrecision, kAnyHit>(target, run, together[k]);
+      traced = traced || (waiting >= kFewestTogether &&
+                          trace_together<kPrecision, kAnyHit>(target, run, together, waiting));
+    for (std::uint32_t k = 0; k < waiting && !traced; ++k) trace_alone(together[k]);
     waiting = 0;
   };
-  for (std::size_t i = 0; i < count; ++i) {
+  for (std::size_t i = 0; i < count && !stopped; ++i) {
     if constexpr (!kAnyHit) run.hits[i] = Hit{.t = run.rays[i].tfar};
     if (!is_valid(run.rays[i])) {
       run.status[i] = RayStatus::kInvalid;
@@ -162,17 +167,18 @@ void trace_run(const BatchTarget& target, RayRun& run) {
       together[waiting++] = std::uint32_t(i);
       if (waiting == RayPacket::kSize) flush();
     } else {
-      trace_single<kPrecision, kAnyHit>(target, run, i);
+      trace_alone(i);
     }
   }
   flush();
+  return !stopped;
 }
 
-template void trace_run<Precision::kFast, false>(const BatchTarget&, RayRun&);
-template void trace_run<Precision::kFast, true>(const BatchTarget&, RayRun&);
-template void trace_run<Precision::kRobust, false>(const BatchTarget&, RayRun&);
-template void trace_run<Precision::kRobust, true>(const BatchTarget&, RayRun&);
-template void trace_run<Precision::kExact, false>(const BatchTarget&, RayRun&);
-template void trace_run<Precision::kExact, true>(const BatchTarget&, RayRun&);
+template bool trace_run<Precision::kFast, false>(const BatchTarget&, RayRun&, const std::stop_token&);
+template bool trace_run<Precision::kFast, true>(const BatchTarget&, RayRun&, const std::stop_token&);
+template bool trace_run<Precision::kRobust, false>(const BatchTarget&, RayRun&, const std::stop_token&);
+template bool trace_run<Precision::kRobust, true>(const BatchTarget&, RayRun&, const std::stop_token&);
+template bool trace_run<Precision::kExact, false>(const BatchTarget&, RayRun&, const std::stop_token&);
+template bool trace_run<Precision::kExact, true>(const BatchTarget&, RayRun&, const std::stop_token&);
 
 }  // namespace gridcast::scene

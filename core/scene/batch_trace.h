@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "core/blas/ray_packet.h"
@@ -39,8 +40,10 @@ struct RayRun {
             std::size_t end);
 };
 
-/// Sets `status`, and for the closest hit `hits`, of every ray of the run.
+/// Sets `status`, and for the closest hit `hits`, of every ray of the run. False when stopped on the way: the
+/// token is looked at before every packet and every ray alone, since one from far away can take a tenth of a
+/// second.
 template <Precision kPrecision, bool kAnyHit>
-void trace_run(const BatchTarget& target, RayRun& run);
+bool trace_run(const BatchTarget& target, RayRun& run, const std::stop_token& stop);
 
 }  // namespace gridcast::scene

@@ -14,7 +14,8 @@ void RunTracer::load(std::span<const Ray> rays, std::span<const PrimitiveRef> ex
 void RunTracer::intersect(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,
                           std::span<SurfaceHit> hits) {
   load(rays, excluded);
-  for_precision(precision_, [&]<Precision kPrecision>() { trace_run<kPrecision, false>(target_, run_); });
+  for_precision(precision_,
+                [&]<Precision kPrecision>() { (void)trace_run<kPrecision, false>(target_, run_, {}); });
   for (std::size_t i = 0; i < rays.size(); ++i) {
     hits[i] = {};
     hits[i].status = run_.status[i];
@@ -27,7 +28,8 @@ void RunTracer::intersect(std::span<const Ray> rays, std::span<const PrimitiveRe
 void RunTracer::occluded(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,
                          std::span<RayStatus> status) {
   load(rays, excluded);
-  for_precision(precision_, [&]<Precision kPrecision>() { trace_run<kPrecision, true>(target_, run_); });
+  for_precision(precision_,
+                [&]<Precision kPrecision>() { (void)trace_run<kPrecision, true>(target_, run_, {}); });
   std::copy(run_.status.begin(), run_.status.end(), status.begin());
 }
 

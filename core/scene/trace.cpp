@@ -16,7 +16,7 @@
 namespace gridcast::scene {
 namespace {
 
-/// Rays per task, and between two looks at the stop token.
+/// Rays per task.
 constexpr std::size_t kRaysPerTask = 2048;
 
 template <Precision kPrecision>
@@ -55,7 +55,7 @@ bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& o
     if (options.stop.stop_requested()) return;
     RayRun& run = runs.local();
     run.load(rays, order.permutation, range.begin(), range.end());
-    trace_run<kPrecision, kAnyHit>(target, run);
+    if (!trace_run<kPrecision, kAnyHit>(target, run, options.stop)) return;
     keep(run, [&](std::size_t i) {
       const std::size_t place = range.begin() + i;
       return order.permutation.empty() ? place : std::size_t(order.permutation[place]);

@@ -21,7 +21,7 @@ namespace gridcast::scene {
 struct TraceOptions {
   Precision precision = Precision::kRobust;
   HitField fields = HitField::kAll;
-  std::stop_token stop;  ///< checked at least every 4,096 rays
+  std::stop_token stop;  ///< looked at between rays, and between packets of 16
   ProgressCallback progress;
   TraceStats* stats = nullptr;  ///< where to say how the batch was traced; null = nobody asks
 };

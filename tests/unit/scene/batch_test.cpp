@@ -1,6 +1,8 @@
 // Whatever way a batch chooses, its answers are those of single rays, in the caller's order, bit for bit.
 
+#include <chrono>
 #include <numeric>
+#include <thread>
 
 #include <tbb/task_arena.h>
 
@@ -216,6 +218,37 @@ TEST(SceneBatch, a_batch_of_invalid_rays_alone_is_answered) {
   batch.rays.assign(20000, Ray{Vec3d(0.0), Vec3d(0.0)});
   const TraceStats stats = expect_answers_of_single_rays(*scene, batch, Precision::kRobust, 2);
   EXPECT_EQ(stats.packet_rays + stats.single_rays, 0U);
+}
+
+// A ray from 2^42 sizes of the mesh away may take a tenth of a second, since no box can be told from another.
+TEST(SceneBatch, a_stop_is_seen_between_the_rays_of_a_task) {
+  SceneData data;
+  data.meshes = {test::share(test::jittered_icosphere(5, 5))};
+  place(data, 0, {});
+  const auto scene = built(std::move(data));
+  test::Random random(test::seed_or(93));
+  std::vector<Ray> rays;
+  for (int i = 0; i < 1500; ++i) {
+    const Vec3d origin = 0x1p42 * random.direction();
+    rays.push_back({origin, random.in_box(0.5) - origin});
+  }
+  const std::vector<double> rows = rows_of(rays);
+  RayBatch batch;
+  batch.bytes = std::as_bytes(std::span(rows));
+  std::stop_source stop;
+  TraceStats stats;
+  TraceOptions options;
+  options.stop = stop.get_token();
+  options.stats = &stats;
+  std::thread stopper([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    stop.request_stop();
+  });
+  const auto hits = intersect(*scene, batch, options);
+  stopper.join();
+  ASSERT_FALSE(hits.ok());
+  EXPECT_EQ(hits.error().code, ErrorCode::kCancelled);
+  EXPECT_LT(stats.single_rays + stats.packet_rays, rays.size());
 }
 
 }  // namespace
