@@ -160,6 +160,17 @@ def test_an_excluded_primitive_is_not_hit(box):
     assert box.post("/rays/closest", body | {"exclude": [None]}).json()["t"] == [0]
 
 
+def test_each_ray_excludes_a_primitive_of_its_own_in_closest_and_any(box):
+    """The secondary rays of a client: from the hit point, with tnear 0, and the primitive that they start on."""
+    body = {"origins": [[0.25, 1, 0.5]] * 3, "directions": [[0, 1, 0]] * 3}
+    start = box.post("/rays/closest", body).json()
+    assert start["t"] == [0] * 3, "the origin lies on the surface"
+    own = [0, start["primitive_id"][0]]
+    exclude = {"exclude": [own, None, [own[0] + 1, own[1]]]}
+    assert box.post("/rays/closest", body | exclude).json()["t"] == [None, 0, 0]
+    assert box.post("/rays/any", body | exclude).json()["status"] == [0, 1, 1]
+
+
 def test_answers_carry_version_and_timing(box):
     reply = box.cast(models.rays_down([[0, 0]]), stats="true")
     assert reply.version() == 1
