@@ -79,7 +79,7 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
       status = store(blas.structure_, BruteForce::build(*mesh, stop));
       break;
     case StructureKind::kBvh:
-      status = store(blas.structure_, Bvh::build(*mesh, options.split, stop));
+      status = store(blas.structure_, Bvh::build(*mesh, options, stop));
       break;
     case StructureKind::kWideBvh:
       status = store(blas.structure_, WideBvh::build(*mesh, options, stop));
@@ -101,7 +101,8 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
   blas.stats_.reason = std::move(choice.reason);
   blas.stats_.triangle_count = blas.mesh_->triangle_count();
   blas.add_structure_stats();
-  if (options.kind == StructureKind::kAuto && choice.kind == StructureKind::kWideBvh)
+  if (options.kind == StructureKind::kAuto && choice.kind == StructureKind::kWideBvh &&
+      options.quality == BuildQuality::kDefault)
     status = blas.prefer_kd_tree(stop);
   if (!status) return status.error();
   blas.stats_.cost_at_build = blas.stats_.cost;

@@ -6,6 +6,7 @@
 
 #include "core/blas/bvh_builder.h"
 #include "core/blas/cost_model.h"
+#include "core/blas/morton_builder.h"
 
 namespace gridcast::blas {
 namespace {
@@ -49,11 +50,13 @@ std::size_t depth_of(const BvhNodes& nodes) {
 
 }  // namespace
 
-Result<std::shared_ptr<const Bvh>> Bvh::build(const mesh::TriangleMesh& mesh, BvhSplit split,
+Result<std::shared_ptr<const Bvh>> Bvh::build(const mesh::TriangleMesh& mesh, const BuildOptions& options,
                                               std::stop_token stop) {
   if (mesh.triangle_count() > kMaxBvhPrimitives)
     return Error{ErrorCode::kLimitExceeded, "a BVH holds at most 2^31 triangles", "/triangles"};
-  Result<BvhTree> tree = build_bvh(mesh, {.split = split}, std::move(stop));
+  Result<BvhTree> tree = options.quality == BuildQuality::kFast
+                             ? build_morton_bvh(mesh, std::move(stop))
+                             : build_bvh(mesh, {.split = options.split}, std::move(stop));
   if (!tree) return tree.error();
   auto made = std::make_shared<Bvh>();
   made->nodes_ = std::move(tree->nodes);

@@ -17,7 +17,8 @@ class Bvh {
  public:
   /// kCancelled on `stop`; kLimitExceeded for more than kMaxBvhPrimitives triangles.
   [[nodiscard]] static Result<std::shared_ptr<const Bvh>> build(const mesh::TriangleMesh& mesh,
-                                                                BvhSplit split, std::stop_token stop);
+                                                                const BuildOptions& options,
+                                                                std::stop_token stop);
 
   /// The same tree with its boxes drawn around the moved triangles, bit for bit the min and max of their
   /// corners. `moved` has the triangles of the mesh this was built from.

@@ -2,9 +2,9 @@
 
 #include <memory>
 
-#include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/parallel_invoke.h>
 
+#include "core/blas/bvh_subtree.h"
 #include "core/blas/cost_model.h"
 #include "core/blas/spatial_split.h"
 
@@ -27,23 +27,6 @@ struct Range {
 };
 using Halves = std::array<Range, 2>;
 
-/// A node with all that is below it. Above the task size it has two children; below, everything sits in
-/// `nodes` and `ids` in the final order, with links relative to their starts.
-struct Subtree {
-  BvhNode root{};
-  std::vector<BvhNode> nodes;
-  std::vector<std::uint32_t> ids;
-  std::unique_ptr<Subtree> children[2];
-  std::size_t node_count = 0;  ///< without the root
-  std::size_t id_count = 0;
-};
-
-void set_box(BvhNode& node, const Box4& box) {
-  const Bounds3f bounds = box.bounds();
-  node.lower = bounds.lower;
-  node.upper = bounds.upper;
-}
-
 BvhNode inner_node(const Range& range, std::size_t first_child) {
   BvhNode node{};
   set_box(node, range.bounds.boxes);
@@ -64,16 +47,14 @@ class Builder {
       subtree->nodes.reserve(range.count);
       subtree->ids.reserve(range.count);
       subtree->root = build_inline(range, *subtree);
-      subtree->node_count = subtree->nodes.size();
-      subtree->id_count = subtree->ids.size();
+      subtree->count_own();
       return subtree;
     }
     const std::optional<Halves> halves = divide(range);  // never none: larger than a leaf
     tbb::parallel_invoke([&] { subtree->children[0] = build((*halves)[0]); },
                          [&] { subtree->children[1] = build((*halves)[1]); });
     subtree->root = inner_node(range, 0);
-    subtree->node_count = 2 + subtree->children[0]->node_count + subtree->children[1]->node_count;
-    subtree->id_count = subtree->children[0]->id_count + subtree->children[1]->id_count;
+    subtree->count_children();
     return subtree;
   }
 
@@ -187,35 +168,6 @@ class Builder {
   std::stop_token stop_;
 };
 
-/// Writes subtrees to their places, freeing them on the way.
-class Flattener {
- public:
-  explicit Flattener(BvhTree& tree) : tree_(tree) {}
-
-  /// The root to `self`, the nodes below it from `base` on, the triangles from `first_id` on.
-  void run(std::unique_ptr<Subtree> subtree, std::size_t self, std::size_t base, std::size_t first_id) {
-    tree_.nodes[self] = placed(subtree->root, base, first_id);
-    if (subtree->children[0] == nullptr) {
-      for (std::size_t i = 0; i < subtree->nodes.size(); ++i)
-        tree_.nodes[base + i] = placed(subtree->nodes[i], base, first_id);
-      std::copy(subtree->ids.begin(), subtree->ids.end(),
-                tree_.primitive_ids.begin() + std::ptrdiff_t(first_id));
-      return;
-    }
-    const std::size_t second = base + 2 + subtree->children[0]->node_count;
-    const std::size_t second_id = first_id + subtree->children[0]->id_count;
-    tbb::parallel_invoke([&] { run(std::move(subtree->children[0]), base, base + 2, first_id); },
-                         [&] { run(std::move(subtree->children[1]), base + 1, second, second_id); });
-  }
-
- private:
-  static BvhNode placed(BvhNode node, std::size_t base, std::size_t first_id) {
-    node.first += std::uint32_t(node.leaf() ? first_id : base);
-    return node;
-  }
-  BvhTree& tree_;
-};
-
 Error cancelled() {
   return {ErrorCode::kCancelled, "the build was cancelled", {}};
 }
@@ -227,8 +179,7 @@ Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& 
   const std::size_t count = mesh.triangle_count();
   if (count > kMaxBvhPrimitives)
     return Error{ErrorCode::kLimitExceeded, "a BVH holds at most 2^31 triangles", "/triangles"};
-  BvhTree tree;
-  if (count == 0) return tree;
+  if (count == 0) return BvhTree{};
 
   ReferenceArrays arrays;
   const std::size_t room =
@@ -242,10 +193,7 @@ Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& 
   if (stop.stop_requested()) return cancelled();
   for (auto& array : arrays) array.reset();
 
-  tree.nodes.resize(2 + root->node_count);
-  tree.primitive_ids.resize(root->id_count);
-  Flattener(tree).run(std::move(root), 0, 2, 0);
-  return tree;
+  return flattened(std::move(root));
 }
 
 }  // namespace gridcast::blas

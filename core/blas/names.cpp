@@ -23,6 +23,9 @@ constexpr Names<BvhSplit, 3> kSplitNames{
 constexpr Names<SpatialSplits, 2> kSpatialNames{
     {{SpatialSplits::kAuto, "auto"}, {SpatialSplits::kNever, "never"}}};
 
+constexpr Names<BuildQuality, 2> kQualityNames{
+    {{BuildQuality::kDefault, "default"}, {BuildQuality::kFast, "fast"}}};
+
 template <class Enum, std::size_t kCount>
 std::string_view name_of(const Names<Enum, kCount>& names, Enum value) {
   for (const auto& [known, name] : names)
@@ -67,6 +70,14 @@ std::string_view to_string(SpatialSplits spatial) {
 
 Result<SpatialSplits> parse_spatial_splits(std::string_view name) {
   return parse(kSpatialNames, name, "choice of spatial splits");
+}
+
+std::string_view to_string(BuildQuality quality) {
+  return name_of(kQualityNames, quality);
+}
+
+Result<BuildQuality> parse_build_quality(std::string_view name) {
+  return parse(kQualityNames, name, "build quality");
 }
 
 }  // namespace gridcast::blas

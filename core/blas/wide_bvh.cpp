@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/blas/bvh_builder.h"
+#include "core/blas/morton_builder.h"
 #include "core/blas/refit_memory.h"
 #include "core/blas/wide_cost.h"
 #include "core/blas/wide_layout.h"
@@ -19,8 +20,10 @@ Result<std::shared_ptr<const WideBvh>> WideBvh::build(const mesh::TriangleMesh& 
   if (mesh.triangles.empty()) return std::shared_ptr<const WideBvh>(wide);
   BvhBuildConfig config;
   config.block = LeafBlock::kFour;
-  config.spatial = wide->shape_.spatial = options.spatial;
-  Result<BvhTree> tree = build_bvh(mesh, config, std::move(stop));
+  const bool fast = options.quality == BuildQuality::kFast;
+  config.spatial = wide->shape_.spatial = fast ? SpatialSplits::kNever : options.spatial;
+  Result<BvhTree> tree =
+      fast ? build_morton_bvh(mesh, std::move(stop)) : build_bvh(mesh, config, std::move(stop));
   if (!tree) return tree.error();
   wide->shape_.reference_count = tree->primitive_ids.size();
   lay_out(*tree, mesh, wide->storage_.nodes, wide->storage_.blocks);

@@ -88,8 +88,8 @@ class WideBvh {
   WideBvh& operator=(const WideBvh&) = delete;
   ~WideBvh();
 
-  /// Built from the binned-SAH binary tree and collapsed at the least surface-area cost. kCancelled on
-  /// `stop`, kLimitExceeded for 2^30 - 1 triangles or more.
+  /// Built from the binned-SAH binary tree, or that in Morton order, and collapsed at the least surface-area
+  /// cost. kCancelled on `stop`, kLimitExceeded for 2^30 - 1 triangles or more.
   [[nodiscard]] static Result<std::shared_ptr<const WideBvh>> build(const mesh::TriangleMesh& mesh,
                                                                     const BuildOptions& options,
                                                                     std::stop_token stop);

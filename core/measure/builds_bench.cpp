@@ -69,11 +69,11 @@ std::vector<blas::StructureKind> trees_of(const BenchOptions& options) {
 using BuildContender = TreeContender<BuildRow>;
 
 Timed timed_build(BuildContender& contender, const std::shared_ptr<const mesh::TriangleMesh>& mesh,
-                  blas::StructureKind kind, const std::stop_token& stop) {
+                  const blas::BuildOptions& how, const std::stop_token& stop) {
   Timed timed;
   timed.before = [&contender] { contender.ours.reset(); };
-  timed.run = [&contender, mesh, kind, stop] {
-    auto built = blas::Blas::build(mesh, {kind}, stop);
+  timed.run = [&contender, mesh, how, stop] {
+    auto built = blas::Blas::build(mesh, how, stop);
     if (!built) return Status(built.error());
     contender.ours = *std::move(built);
     return ok_status();
@@ -103,6 +103,18 @@ const std::vector<std::pair<std::string, EmbreeOptions>>& embree_builds() {
   return builds;
 }
 
+/// What is built of ours, by name: every kind, and the BVHs once more in Morton order.
+std::vector<std::pair<std::string, blas::BuildOptions>> our_builds(const BenchOptions& options) {
+  std::vector<std::pair<std::string, blas::BuildOptions>> builds;
+  for (const blas::StructureKind kind : trees_of(options)) {
+    const std::string name(blas::to_string(kind));
+    builds.push_back({name, {.kind = kind}});
+    if (kind == blas::StructureKind::kWideBvh || kind == blas::StructureKind::kBvh)
+      builds.push_back({name + "_fast", {.kind = kind, .quality = blas::BuildQuality::kFast}});
+  }
+  return builds;
+}
+
 double memory_bytes(const BuildContender& contender) {
   if (contender.ours) return double(contender.ours->stats().memory_bytes);
   return contender.theirs ? double(contender.theirs->memory_bytes()) : 0.0;
@@ -111,18 +123,17 @@ double memory_bytes(const BuildContender& contender) {
 Status builds_on(std::size_t threads, const BenchScene& scene, const BenchOptions& options, Report& report,
                  const scene::ProgressCallback& progress) {
   const scene::SceneData data = one_mesh(scene);
-  const std::vector<blas::StructureKind> kinds = trees_of(options);
+  const auto ours = our_builds(options);
   std::vector<BuildContender> contenders;
   std::vector<Timed> timed;
-  contenders.reserve(kinds.size() + embree_builds().size());  // tasks point into it
+  contenders.reserve(ours.size() + embree_builds().size());  // tasks point into it
   for (const auto& [name, how] : embree_builds()) {
     contenders.push_back({row_of<BuildRow>(scene, threads, "embree", name), {}, {}});
     timed.push_back(timed_build(contenders.back(), data, how));
   }
-  for (const blas::StructureKind kind : kinds) {
-    contenders.push_back(
-        {row_of<BuildRow>(scene, threads, "gridcast", std::string(blas::to_string(kind))), {}, {}});
-    timed.push_back(timed_build(contenders.back(), data.meshes[0], kind, options.stop));
+  for (const auto& [name, how] : ours) {
+    contenders.push_back({row_of<BuildRow>(scene, threads, "gridcast", name), {}, {}});
+    timed.push_back(timed_build(contenders.back(), data.meshes[0], how, options.stop));
   }
   if (Status status = interleave(timed, threads, clock_for(threads), options, progress); !status)
     return status;

@@ -185,7 +185,7 @@ TEST(Stability, RC37_RefitIsConservativeAndIdempotent) {
     const MeshSource source = generated(spec);
     for (const auto& [name, deform] : deformations()) {
       const std::string what = std::string(spec) + ", " + name;
-      const auto binary = blas::Bvh::build(*source.mesh, blas::BvhSplit::kBinnedSah, {}).value();
+      const auto binary = blas::Bvh::build(*source.mesh, {.split = blas::BvhSplit::kBinnedSah}, {}).value();
       // A tree that was never refitted has the same bits.
       if (!same_nodes(binary, binary->refit(*source.mesh).value()))
         row.fail(what + ": a refit of what was built changes bits");

@@ -82,6 +82,9 @@ TEST(Blas, names_are_read_back) {
   for (const SpatialSplits spatial : {SpatialSplits::kAuto, SpatialSplits::kNever})
     EXPECT_EQ(parse_spatial_splits(to_string(spatial)).value(), spatial);
   EXPECT_FALSE(parse_spatial_splits("always").ok());
+  for (const BuildQuality quality : {BuildQuality::kDefault, BuildQuality::kFast})
+    EXPECT_EQ(parse_build_quality(to_string(quality)).value(), quality);
+  EXPECT_FALSE(parse_build_quality("best").ok());
 }
 
 TEST(Blas, an_unknown_name_is_answered_with_the_known_ones) {

@@ -15,7 +15,7 @@ namespace {
 constexpr BvhSplit kSplits[] = {BvhSplit::kMidpoint, BvhSplit::kMedian, BvhSplit::kBinnedSah};
 
 std::shared_ptr<const Bvh> build(const TriangleMesh& mesh, BvhSplit split) {
-  return Bvh::build(mesh, split, {}).value();
+  return Bvh::build(mesh, {.split = split}, {}).value();
 }
 
 StructureStats stats_of(const Bvh& bvh) {
@@ -132,7 +132,7 @@ TEST(BvhBuild, a_stop_request_cancels_the_build) {
   stop.request_stop();
   const TriangleMesh mesh = test::icosphere(3);
   for (const BvhSplit split : kSplits) {
-    const auto built = Bvh::build(mesh, split, stop.get_token());
+    const auto built = Bvh::build(mesh, {.split = split}, stop.get_token());
     ASSERT_FALSE(built.ok());
     EXPECT_EQ(built.error().code, ErrorCode::kCancelled);
   }

@@ -65,7 +65,7 @@ bool same_nodes(const Bvh& a, const Bvh& b) {
 
 TEST(BvhRefit, moving_one_vertex_out_of_the_box_is_caught_and_then_healed) {
   const TriangleMesh mesh = test::jittered_icosphere(3, 1);
-  const auto bvh = Bvh::build(mesh, BvhSplit::kBinnedSah, {}).value();
+  const auto bvh = Bvh::build(mesh, {.split = BvhSplit::kBinnedSah}, {}).value();
   ASSERT_TRUE(bvh->validate(mesh).ok());
 
   TriangleMesh changed = mesh;
@@ -109,7 +109,7 @@ TEST(BvhRefit, returning_to_the_first_positions_gives_the_first_bits) {
   mesh.positions[0] = {-0.F, 0.F, -0.F};
   mesh.positions[1] = {0.F, -0.F, 0.F};
   for (const BvhSplit split : {BvhSplit::kMidpoint, BvhSplit::kMedian, BvhSplit::kBinnedSah}) {
-    const auto built = Bvh::build(mesh, split, {}).value();
+    const auto built = Bvh::build(mesh, {.split = split}, {}).value();
     const auto away = built->refit(*shuffled(mesh, 5)).value();
     EXPECT_FALSE(same_nodes(*built, *away));
     const auto back = away->refit(mesh).value();
@@ -136,10 +136,15 @@ TEST(BvhRefit, the_cost_follows_the_tree_and_the_cost_at_build_stays) {
 
 TEST(BvhRefit, an_empty_tree_and_a_single_leaf_can_be_refitted) {
   const TriangleMesh none;
-  EXPECT_TRUE(Bvh::build(none, BvhSplit::kBinnedSah, {}).value()->refit(none).value()->validate(none).ok());
+  EXPECT_TRUE(Bvh::build(none, {.split = BvhSplit::kBinnedSah}, {})
+                  .value()
+                  ->refit(none)
+                  .value()
+                  ->validate(none)
+                  .ok());
   const TriangleMesh one = test::single_triangle();
   const TriangleMesh far = test::translated(one, Vec3f(5.F));
-  const auto bvh = Bvh::build(one, BvhSplit::kBinnedSah, {}).value();
+  const auto bvh = Bvh::build(one, {.split = BvhSplit::kBinnedSah}, {}).value();
   EXPECT_FALSE(bvh->validate(far).ok());
   EXPECT_TRUE(bvh->refit(far).value()->validate(far).ok());
 }

@@ -27,6 +27,8 @@ inline std::vector<StructureCase> structure_cases() {
       {"bvh_sah", {StructureKind::kBvh, BvhSplit::kBinnedSah}},
       {"wide_bvh", {StructureKind::kWideBvh}},
       {"wide_bvh_whole", {.kind = StructureKind::kWideBvh, .spatial = SpatialSplits::kNever}},
+      {"wide_bvh_fast", {.kind = StructureKind::kWideBvh, .quality = BuildQuality::kFast}},
+      {"bvh_fast", {.kind = StructureKind::kBvh, .quality = BuildQuality::kFast}},
       {"kd_tree", {StructureKind::kKdTree}},
       {"embree", {StructureKind::kEmbree}},
   };
