@@ -190,6 +190,19 @@ bool on_memory(void* count, ssize_t bytes, bool /*after*/) {
   return true;
 }
 
+bool on_progress(void* stop, double /*fraction*/) {
+  return !static_cast<const std::stop_token*>(stop)->stop_requested();
+}
+
+/// Error: kCancelled; others are the device's.
+Status commit(RTCScene scene, std::stop_token stop) {
+  rtcSetSceneProgressMonitorFunction(scene, on_progress, &stop);
+  rtcCommitScene(scene);
+  rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
+  if (stop.stop_requested()) return Error{ErrorCode::kCancelled, "the building was stopped", ""};
+  return ok_status();
+}
+
 /// Debian builds Embree without -DNDEBUG: then its code names the C library's assertion handler.
 std::string assertions_of_library() {
   Dl_info where;
@@ -288,11 +301,11 @@ struct EmbreeScene::State {
     rtcReleaseGeometry(geometry);
   }
 
-  void attach_instances(const scene::SceneData& data) {
+  Status attach_instances(const scene::SceneData& data, const std::stop_token& stop) {
     for (const auto& mesh : data.meshes) {
       meshes.push_back(new_scene());
       attach_mesh(meshes.back(), mesh);
-      rtcCommitScene(meshes.back());
+      if (Status status = commit(meshes.back(), stop); !status) return status;
     }
     mesh_memory_bytes = memory_bytes;
     for (std::size_t i = 0; i < data.instances.size(); ++i) {
@@ -305,6 +318,7 @@ struct EmbreeScene::State {
       rtcAttachGeometryByID(top, geometry, unsigned(i));
       rtcReleaseGeometry(geometry);
     }
+    return ok_status();
   }
 
   static void set_transform(RTCGeometry geometry, const Affine& world_from_object) {
@@ -318,7 +332,8 @@ EmbreeScene::EmbreeScene() : state_(std::make_unique<State>()) {}
 EmbreeScene::~EmbreeScene() = default;
 
 Result<std::unique_ptr<EmbreeScene>> EmbreeScene::build(const scene::SceneData& data,
-                                                        const EmbreeOptions& options) {
+                                                        const EmbreeOptions& options,
+                                                        const std::stop_token& stop) {
   auto made = std::make_unique<EmbreeScene>();
   State& state = *made->state_;
   state.options = options;
@@ -329,9 +344,9 @@ Result<std::unique_ptr<EmbreeScene>> EmbreeScene::build(const scene::SceneData& 
   state.top = state.new_scene();
   if (is_single_mesh(data))
     state.attach_mesh(state.top, data.meshes[data.instances[0].mesh_id]);
-  else
-    state.attach_instances(data);
-  rtcCommitScene(state.top);
+  else if (Status status = state.attach_instances(data, stop); !status)
+    return status.error();
+  if (Status status = commit(state.top, stop); !status) return status.error();
   if (Status status = state.check(); !status) return status.error();
   return made;
 }

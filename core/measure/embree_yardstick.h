@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -59,10 +60,11 @@ struct EmbreeAnswers {
 
 class EmbreeScene {
  public:
-  /// Builds on the calling arena. `data` is only read meanwhile. kUnsupported when this Embree lacks
-  /// what `options` ask for.
+  /// Builds on the calling arena. `data` is only read meanwhile. Errors: kUnsupported when this Embree lacks
+  /// what `options` ask for, kCancelled.
   [[nodiscard]] static Result<std::unique_ptr<EmbreeScene>> build(const scene::SceneData& data,
-                                                                  const EmbreeOptions& options);
+                                                                  const EmbreeOptions& options,
+                                                                  const std::stop_token& stop = {});
   EmbreeScene();
   ~EmbreeScene();
   EmbreeScene(const EmbreeScene&) = delete;

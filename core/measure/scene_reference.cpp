@@ -4,7 +4,7 @@
 
 namespace gridcast::measure {
 
-Result<exact::Reference> reference_of(const scene::SceneData& data) {
+Result<exact::Reference> reference_of(const scene::SceneData& data, const std::stop_token& stop) {
   std::vector<exact::Mesh> meshes;
   meshes.reserve(data.meshes.size());
   for (const auto& mesh : data.meshes) meshes.push_back({mesh->positions, mesh->triangles});
@@ -14,7 +14,7 @@ Result<exact::Reference> reference_of(const scene::SceneData& data) {
     if (InstanceTransform(instance.world_from_object).active())
       instances.push_back({std::uint32_t(i), instance.mesh_id, instance.world_from_object});
   }
-  return exact::Reference::build(std::move(meshes), std::move(instances));
+  return exact::Reference::build(std::move(meshes), std::move(instances), stop);
 }
 
 }  // namespace gridcast::measure

@@ -55,7 +55,7 @@ class Measurement {
     if (Status status = pose(data); !status) return status.error();
     if (Status status = build_ours(); !status) return status.error();
     if (Status status = build_embree(); !status) return status.error();
-    const auto reference = reference_of(data_);
+    const auto reference = reference_of(data_, options_.stop);
     if (!reference) return reference.error();
     const View view = options_.view ? *options_.view : framed_scene({}, {}, posed_->bounds()).view;
     const RayClassMaker maker(*posed_, view, options_.seed);
@@ -140,7 +140,7 @@ class Measurement {
     for (const EmbreeMode mode : {EmbreeMode::kDefault, EmbreeMode::kRobust}) {
       if (options_.stop.stop_requested()) return cancelled();
       Result<std::unique_ptr<EmbreeScene>> built = cancelled();
-      const double taken = timed([&] { built = EmbreeScene::build(data_, {.mode = mode}); });
+      const double taken = timed([&] { built = EmbreeScene::build(data_, {.mode = mode}, options_.stop); });
       if (!built) return built.error();
       embree_.push_back(*std::move(built));
       for (const EmbreeEntry entry :

@@ -10,12 +10,12 @@ constexpr std::uint32_t kLeafSize = 4;
 
 }  // namespace
 
-BoxTree::BoxTree(std::span<const Box> boxes) : items_(boxes.size()) {
+BoxTree::BoxTree(std::span<const Box> boxes, const std::stop_token& stop) : items_(boxes.size()) {
   if (boxes.empty()) return;
   std::iota(items_.begin(), items_.end(), 0U);
   nodes_.reserve(boxes.size());
   nodes_.push_back({{}, 0, std::uint32_t(boxes.size())});
-  for (std::uint32_t node = 0; node < nodes_.size(); ++node) split(node, boxes);
+  for (std::uint32_t node = 0; node < nodes_.size() && !stop.stop_requested(); ++node) split(node, boxes);
 }
 
 void BoxTree::split(std::uint32_t index, std::span<const Box> boxes) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <span>
+#include <stop_token>
 #include <utility>
 #include <vector>
 
@@ -18,7 +19,8 @@ struct Box {
 class BoxTree {
  public:
   BoxTree() = default;
-  explicit BoxTree(std::span<const Box> boxes);
+  /// Stopped, the tree is not to be used.
+  explicit BoxTree(std::span<const Box> boxes, const std::stop_token& stop = {});
 
   /// Calls visit(index) for every box that may matter, nearer nodes first. `enter(box)` says which interval
   /// of t the ray spends in a box; nodes that it leaves before tnear or enters after limit(), asked anew each

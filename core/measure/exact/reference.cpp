@@ -158,7 +158,8 @@ class Reference::Search {
   Wide limit_;
 };
 
-Result<Reference> Reference::build(std::vector<Mesh> meshes, std::vector<Instance> instances) {
+Result<Reference> Reference::build(std::vector<Mesh> meshes, std::vector<Instance> instances,
+                                   const std::stop_token& stop) {
   const DefaultFloats floats;
   Reference made;
   for (std::size_t i = 0; i < meshes.size(); ++i) {
@@ -166,7 +167,7 @@ Result<Reference> Reference::build(std::vector<Mesh> meshes, std::vector<Instanc
     const std::vector<Box> boxes = triangle_boxes(meshes[i]);
     const Box box = around(boxes);
     const Vec3d extent = glm::max(glm::abs(box.lower), glm::abs(box.upper));
-    made.blas_.push_back({meshes[i], BoxTree(boxes), box, std::max({extent.x, extent.y, extent.z})});
+    made.blas_.push_back({meshes[i], BoxTree(boxes, stop), box, std::max({extent.x, extent.y, extent.z})});
   }
   std::stable_sort(instances.begin(), instances.end(),
                    [](const Instance& a, const Instance& b) { return a.instance_id < b.instance_id; });
@@ -181,7 +182,8 @@ Result<Reference> Reference::build(std::vector<Mesh> meshes, std::vector<Instanc
     boxes.push_back(box);
   }
   made.instances_ = std::move(instances);
-  made.tree_ = BoxTree(boxes);
+  made.tree_ = BoxTree(boxes, stop);
+  if (stop.stop_requested()) return Error{ErrorCode::kCancelled, "the building was stopped", ""};
   return made;
 }
 

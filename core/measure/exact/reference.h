@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "core/error.h"
@@ -45,8 +46,9 @@ struct Hit {
 class Reference {
  public:
   /// Keeps the spans. kInvalidArgument for vertices or transforms that are not finite and for indices out of
-  /// range.
-  [[nodiscard]] static Result<Reference> build(std::vector<Mesh> meshes, std::vector<Instance> instances);
+  /// range, kCancelled.
+  [[nodiscard]] static Result<Reference> build(std::vector<Mesh> meshes, std::vector<Instance> instances,
+                                               const std::stop_token& stop = {});
 
   /// `excluded` is not hit.
   [[nodiscard]] std::optional<Hit> closest(const Ray& ray, PrimitiveRef excluded = {}) const;

@@ -197,6 +197,16 @@ TEST(ExactReference, RefusesWhatIsNotFiniteOrOutOfRange) {
   EXPECT_EQ(code({0, 0, {}}), "/meshes/0/positions/2");
 }
 
+TEST(ExactReference, BuildingStopsWhenTold) {
+  std::stop_source stop;
+  const OwnMesh mesh = corner_triangle(1000);
+  EXPECT_TRUE(Reference::build({mesh.view()}, {{0, 0, {}}}, stop.get_token()));
+  stop.request_stop();
+  const auto stopped = Reference::build({mesh.view()}, {{0, 0, {}}}, stop.get_token());
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().code, ErrorCode::kCancelled);
+}
+
 TEST(ExactReference, NothingIsHitInAnEmptyScene) {
   EXPECT_FALSE(Reference::build({}, {}).value().any(down(0, 0)));
   const OwnMesh nothing;

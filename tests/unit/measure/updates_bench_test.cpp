@@ -64,6 +64,18 @@ TEST(InstancesBench, ASingleMeshHasNothingToMove) {
   EXPECT_TRUE(report.instances.empty());
 }
 
+TEST(EmbreeYardstick, BuildingStopsWhenTold) {
+  for (const char* name : {"S1", "I3"}) {
+    const scene::SceneData data = make_scene(name, 1, 0.01).value().data;
+    std::stop_source stop;
+    EXPECT_TRUE(EmbreeScene::build(data, {}, stop.get_token())) << name;
+    stop.request_stop();
+    const auto stopped = EmbreeScene::build(data, {}, stop.get_token());
+    ASSERT_FALSE(stopped) << name;
+    EXPECT_EQ(stopped.error().code, ErrorCode::kCancelled) << name;
+  }
+}
+
 TEST(EmbreeYardstick, MovedVerticesAndInstancesAreSeenByRays) {
   const RaySet down{RaySetKind::kPrimary, {{0.F, 50.F, 0.F, 0.F, 0.F, -1.F, 0.F, 1e9F}}};
   EmbreeAnswers answers(1);
