@@ -82,8 +82,13 @@ class Measurement {
       return Error{ErrorCode::kInvalidArgument, "the scene has no triangle that a ray could hit", ""};
     data_ = snapshot_of(*posed_);
     report_.stored_triangles = posed_->stored_triangle_count();
-    report_.world_triangles = posed_->world_triangle_count();
-    report_.instances = posed_->instance_count();
+    // An instance that was removed has kept its number only.
+    for (std::uint32_t id = 0; id < posed_->instance_slots(); ++id) {
+      const scene::Instance* instance = posed_->find_instance(id);
+      if (instance == nullptr || !instance->transform.active()) continue;
+      ++report_.instances;
+      report_.world_triangles += posed_->blas(instance->mesh_id).mesh().triangle_count();
+    }
     report_.meshes = posed_->mesh_count();
     for (std::uint32_t id = 0; id < posed_->mesh_count(); ++id)
       report_.closed_meshes += posed_->blas(id).has_inside() ? 1 : 0;

@@ -60,6 +60,18 @@ TEST(Tradeoff, EveryMethodHasARowInEveryClass) {
   }
 }
 
+TEST(Tradeoff, InstancesThatCannotBeHitAreNotCounted) {
+  scene::SceneData data = row_of(test::icosphere(0), 3);
+  data.instances[1].world_from_object = {Mat3d(0.0), Vec3d(0.0)};
+  TradeoffOptions options = tiny_options();
+  options.classes = {RayClass::kRandom};
+  const auto report = measure_tradeoffs(data, options, {});
+  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_EQ(report->instances, 2U);
+  EXPECT_EQ(report->world_triangles, 40U);
+  EXPECT_EQ(report->stored_triangles, 20U);
+}
+
 /// The property that the mode is named for: nothing differs, not even in a tie.
 TEST(Tradeoff, ExactModeHasNoErrorOfAnyKindAndRobustModeNoLeak) {
   TradeoffOptions options = tiny_options();
