@@ -29,6 +29,13 @@ struct Limits {
   std::uint64_t image_samples = std::uint64_t(1) << 29;
   int samples_per_pixel = 4096;
   int bounce_depth = 64;  ///< a longer mirror path adds nothing an eye can see
+  /// And instances, of a scene whose tradeoffs are measured: several structures of it are in memory at once.
+  std::uint64_t tradeoff_triangles = 1'000'000;
+  std::size_t tradeoff_accuracy_rays = 200'000;  ///< a class: rates below 15 in a million can be told
+  std::size_t tradeoff_speed_rays = 1'000'000;   ///< a class
+  std::size_t tradeoff_repeat = 25;
+  /// Rays of all methods, classes and repetitions: some minutes of one core.
+  std::uint64_t tradeoff_traces = 1'000'000'000;
   /// What fits into json_bytes at about 160 bytes a move.
   std::size_t instances_per_patch = 100'000;
   /// In binary, where a move takes 52 or 100 bytes; all of a scene of a million instances.

@@ -18,6 +18,7 @@ inline constexpr std::string_view kVerticesMediaType = "application/vnd.gridcast
 inline constexpr std::string_view kInstancesMediaType = "application/vnd.gridcast.instances";
 inline constexpr std::string_view kGlbMediaType = "model/gltf-binary";
 inline constexpr std::string_view kGltfMediaType = "model/gltf+json";
+inline constexpr std::string_view kCsvMediaType = "text/csv";
 inline constexpr std::string_view kPngMediaType = "image/png";
 inline constexpr std::string_view kExrMediaType = "image/x-exr";
 

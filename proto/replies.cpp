@@ -118,6 +118,7 @@ std::string to_json(const ServiceInfo& info) {
                {"precisions", kPrecisionNames},
                {"integrators", kIntegratorNames},
                {"layers", kLayerNames},
+               {"ray_classes", kRayClassNames},
                {"scene_media_types", {kGlbMediaType, kGltfMediaType, kJsonMediaType}},
                {"ray_media_types", {kJsonMediaType, kRaysMediaType}},
                {"hit_media_types", {kJsonMediaType, kHitsMediaType}},

@@ -11,6 +11,9 @@ namespace gridcast::proto {
 
 inline constexpr std::array<std::string_view, 6> kStructureNames{"auto",     "brute_force", "bvh",
                                                                  "wide_bvh", "kd_tree",     "embree"};
+/// Structures that can be named for a comparison: what "auto" would choose is one of them.
+inline constexpr std::array<std::string_view, 5> kBuiltStructureNames{"brute_force", "bvh", "wide_bvh",
+                                                                      "kd_tree", "embree"};
 using gridcast::kPrecisionNames;
 inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
 /// `op` of a transaction's edits.
@@ -20,6 +23,9 @@ inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "de
 inline constexpr std::array<std::string_view, 6> kLayerNames{"color",       "depth",   "normal",
                                                              "instance_id", "mesh_id", "primitive_id"};
 inline constexpr std::array<std::string_view, 2> kImageFormatNames{"png", "exr"};
+/// Classes of rays that tradeoffs are measured on.
+inline constexpr std::array<std::string_view, 8> kRayClassNames{"random", "edge",     "vertex",  "grazing",
+                                                                "axis",   "coherent", "diffuse", "shadow"};
 /// `status` and `t` are in every answer; naming them is allowed. `t_error` comes only when named.
 inline constexpr std::array<std::string_view, 8> kHitFieldNames{
     "status", "t", "uv", "normal", "instance_id", "mesh_id", "primitive_id", "t_error"};

@@ -27,6 +27,8 @@ struct Api {
   WorkGate gate{1};  ///< queries, builds, jobs
   /// Updates that refit or build: apart from `gate`, so that none waits for a query.
   WorkGate update_gate{1};
+  /// Measurements of tradeoffs, waiting or at work: two at once would time each other.
+  WorkGate tradeoff_gate{1};
   std::size_t threads = 1;
   std::function<std::size_t()> requests_in_flight = [] { return std::size_t(0); };
   std::function<bool()> ready = [] { return true; };
@@ -44,6 +46,7 @@ void add_transaction_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
 void add_point_routes(Router& router, Api& api);
 void add_render_routes(Router& router, Api& api);
+void add_tradeoff_routes(Router& router, Api& api);
 void add_job_routes(Router& router, Api& api);
 [[nodiscard]] Router make_router(Api& api);
 
@@ -77,6 +80,9 @@ class Timing {
 
 /// Whether the client would rather have a job than wait (Prefer: respond-async).
 [[nodiscard]] bool wants_job(const HttpRequest& request);
+/// The result of a job that is done, in the form that `accept` (an Accept header) likes best; else why there
+/// is none.
+[[nodiscard]] HttpResponse result_response(const Job& job, std::string_view accept);
 /// Queues `work` and answers 202 with the job; with `Prefer: wait=SECONDS` its result when it comes in time.
 [[nodiscard]] HttpResponse answer_with_job(Api& api, const HttpRequest& request,
                                            const Cancellation& cancellation, JobSubject subject,

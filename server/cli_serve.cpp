@@ -69,6 +69,12 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
   add("--max-glb-bytes", limits.glb_bytes, "A model");
   add("--max-image-side", limits.image_side_px, "Pixels of a picture's side");
   add("--max-image-samples", limits.image_samples, "Width x height x samples of a picture");
+  add("--max-tradeoff-triangles", limits.tradeoff_triangles,
+      "Triangles and instances of a scene to be measured");
+  add("--max-tradeoff-accuracy-rays", limits.tradeoff_accuracy_rays, "Rays of a class that are compared");
+  add("--max-tradeoff-speed-rays", limits.tradeoff_speed_rays, "Rays of a class that are timed");
+  add("--max-tradeoff-repeat", limits.tradeoff_repeat, "Timings of a class");
+  add("--max-tradeoff-traces", limits.tradeoff_traces, "Rays that one measurement traces in all");
   add("--max-scenes", limits.scenes, "Scenes at once");
   add("--deadline-ms", limits.deadline_ms, "A request's work, the wait in the queue included");
   add("--max-queued-jobs", limits.jobs_queued, "Jobs that may wait");

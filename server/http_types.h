@@ -52,6 +52,11 @@ struct HttpResponse {
   std::string body;
   std::vector<std::pair<std::string, std::string>> headers;
   StreamBody stream = nullptr;  ///< when set, the body; `body` is empty
+  /// The same answer in other media types: whoever keeps it may give one of them instead.
+  struct Form {
+    std::string content_type, body;
+  };
+  std::vector<Form> other_forms = {};
 
   HttpResponse& with(std::string name, std::string value) {
     headers.emplace_back(std::move(name), std::move(value));

@@ -27,6 +27,12 @@ std::string make_id() {
   return text;
 }
 
+std::size_t size_of(const HttpResponse& result) {
+  std::size_t bytes = result.body.size();
+  for (const HttpResponse::Form& form : result.other_forms) bytes += form.body.size();
+  return bytes;
+}
+
 Clock::duration of_ms(double ms) {
   return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double, std::milli>(ms));
 }
@@ -207,7 +213,7 @@ JobOutcome Jobs::run(const Queued& queued) try {
 void Jobs::end(const std::shared_ptr<Job>& job, JobOutcome outcome) {
   const CancelReason reason = job->cancellation_.reason();
   JobState state = std::holds_alternative<HttpResponse>(outcome) ? JobState::kDone : JobState::kFailed;
-  std::size_t bytes = state == JobState::kDone ? std::get<HttpResponse>(outcome).body.size() : 0;
+  std::size_t bytes = state == JobState::kDone ? size_of(std::get<HttpResponse>(outcome)) : 0;
   if (bytes > limits_.job_result_bytes) {
     state = JobState::kFailed;
     outcome = Problem{ProblemCode::kLimitExceeded,

@@ -62,23 +62,30 @@ HttpResponse get_job(const Api& api, const HttpRequest& request) {
   return job_json(job, job.view(), 200);
 }
 
+/// A result of one form is given whatever `accept` says: it was negotiated when the job was started.
+HttpResponse in_accepted_form(HttpResponse result, std::string_view accept) {
+  if (result.other_forms.empty()) return result;
+  std::vector<std::string_view> offered{result.content_type};
+  for (const HttpResponse::Form& form : result.other_forms) offered.push_back(form.content_type);
+  const auto chosen = proto::negotiate(accept, offered);
+  if (!chosen) {
+    std::string detail = "this result comes as";
+    for (const std::string_view type : offered) detail.append(" ").append(type);
+    return problem_response({ProblemCode::kNotAcceptable, detail, "Accept"});
+  }
+  if (*chosen > 0) {
+    HttpResponse::Form form = std::move(result.other_forms[*chosen - 1]);
+    result.content_type = std::move(form.content_type);
+    result.body = std::move(form.body);
+  }
+  result.other_forms.clear();
+  return result;
+}
+
 HttpResponse get_result(const Api& api, const HttpRequest& request) {
   const auto opened = open_job(api, request);
   if (const auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
-  const JobView view = std::get<std::shared_ptr<Job>>(opened)->view();
-  switch (view.state) {
-    case JobState::kDone:
-      return *view.result;
-    case JobState::kFailed:
-      return problem_response(*view.problem);
-    case JobState::kCancelled:
-      return problem_response({ProblemCode::kJobCancelled, view.problem->detail, ""});
-    case JobState::kQueued:
-    case JobState::kRunning:
-      break;
-  }
-  return problem_response({ProblemCode::kJobNotDone,
-                           "the job is " + std::string(to_string(view.state)) + "; ask again later", ""});
+  return result_response(*std::get<std::shared_ptr<Job>>(opened), request.header("accept"));
 }
 
 HttpResponse delete_job(Api& api, const HttpRequest& request) {
@@ -147,6 +154,23 @@ bool wants_job(const HttpRequest& request) {
   return proto::parse_prefer(request.header("prefer")).respond_async;
 }
 
+HttpResponse result_response(const Job& job, std::string_view accept) {
+  const JobView view = job.view();
+  switch (view.state) {
+    case JobState::kDone:
+      return in_accepted_form(*view.result, accept);
+    case JobState::kFailed:
+      return problem_response(*view.problem);
+    case JobState::kCancelled:
+      return problem_response({ProblemCode::kJobCancelled, view.problem->detail, ""});
+    case JobState::kQueued:
+    case JobState::kRunning:
+      break;
+  }
+  return problem_response({ProblemCode::kJobNotDone,
+                           "the job is " + std::string(to_string(view.state)) + "; ask again later", ""});
+}
+
 HttpResponse answer_with_job(Api& api, const HttpRequest& request, const Cancellation& cancellation,
                              JobSubject subject, JobWork work) {
   auto submitted = api.jobs.submit(std::move(subject), std::move(work));
@@ -160,7 +184,7 @@ HttpResponse answer_with_job(Api& api, const HttpRequest& request, const Cancell
         job->wait_final(std::min(Clock::now() + wait, cancellation.deadline()), cancellation.token());
     // Nobody knows the job's name when its client has gone.
     if (cancellation.reason() == CancelReason::kDisconnected) (void)api.jobs.remove(job->id());
-    if (view && view->result) return *view->result;
+    if (view && view->result) return in_accepted_form(*view->result, request.header("accept"));
     if (view && view->problem) return problem_response(*view->problem);
   }
   HttpResponse response = job_json(*job, job->view(), 202);

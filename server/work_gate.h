@@ -37,6 +37,23 @@ class WorkGate {
     return waiting_.size();
   }
 
+  /// A place when one is free and nobody waits for it.
+  [[nodiscard]] std::optional<Permit> try_enter() {
+    const std::lock_guard lock(mutex_);
+    if (free_ == 0 || !waiting_.empty()) return std::nullopt;
+    take_place();
+    return Permit(this);
+  }
+
+  /// Work that was inside at some time since the gate was built, and that which has left.
+  struct Counts {
+    std::uint64_t entered = 0, left = 0;
+  };
+  [[nodiscard]] Counts counts() const {
+    const std::lock_guard lock(mutex_);
+    return counts_;
+  }
+
   /// Waits for a place; nothing when `stop` came first.
   [[nodiscard]] std::optional<Permit> enter(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
@@ -44,7 +61,7 @@ class WorkGate {
     const auto place = waiting_.insert(waiting_.end(), ticket);
     const bool entered = changed_.wait(lock, stop, [&] { return free_ > 0 && waiting_.front() == ticket; });
     waiting_.erase(place);
-    if (entered) --free_;
+    if (entered) take_place();
     // Whoever is first now may have waited for this one alone.
     changed_.notify_all();
     if (!entered) return std::nullopt;
@@ -52,10 +69,16 @@ class WorkGate {
   }
 
  private:
+  void take_place() {
+    --free_;
+    ++counts_.entered;
+  }
+
   void leave() {
     {
       const std::lock_guard lock(mutex_);
       ++free_;
+      ++counts_.left;
     }
     changed_.notify_all();
   }
@@ -65,6 +88,7 @@ class WorkGate {
   std::list<std::uint64_t> waiting_;  ///< tickets, in order
   std::uint64_t next_ticket_ = 0;
   std::size_t free_;
+  Counts counts_;
 };
 
 }  // namespace gridcast::server

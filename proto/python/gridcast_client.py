@@ -12,6 +12,10 @@
         print(state["progress"])
     open("large.png", "wb").write(job.result())
 
+    job = scene.start_tradeoffs(ray_classes=["edge"], precisions=["robust", "exact"])
+    for row in json.loads(job.result())["rows"]:
+        print(row["structure"], row["precision"], row["mrays_per_s"], row["errors_per_million"])
+
 A ray that hits nothing has t = inf, status 0 and ids NO_ID; an invalid ray has status 4.
 """
 
@@ -161,10 +165,11 @@ class Job:
             pass
         return last or self.info()
 
-    def result(self):
-        """Waits for the end; the bytes of the result. GridcastError when the job failed or was cancelled."""
+    def result(self, accept="*/*"):
+        """Waits for the end; the bytes of the result, in the media type that `accept` prefers where there are several.
+        GridcastError when the job failed or was cancelled."""
         self.wait()
-        return self.service.request("GET", self.path + "/result", accept="*/*")[0]
+        return self.service.request("GET", self.path + "/result", accept=accept)[0]
 
     def cancel(self):
         """Stops the work; forgets a job that has ended."""
@@ -281,6 +286,13 @@ class Scene:
         """Like render, but made by a job while the caller goes on."""
         body, _ = self.service.request("POST", self.path + "/renders", {"camera": camera} | settings,
                                        accept="image/png, image/x-exr;q=0.9", headers={"Prefer": "respond-async"})
+        return Job(self.service, json.loads(body)["id"])
+
+    def start_tradeoffs(self, **settings):
+        """Measures speed and accuracy of structures and precisions on this scene, by a job: JSON, or CSV with
+        job.result("text/csv"). Settings: ray_classes, structures, precisions, accuracy_rays, speed_rays, repeat,
+        threads, seed, deadline_ms. One at a time: GridcastError with code "too_many_jobs" while another is made."""
+        body, _ = self.service.request("POST", self.path + "/tradeoffs", settings)
         return Job(self.service, json.loads(body)["id"])
 
     def add_instance(self, mesh_id, transform=None, name=None, if_version=None):

@@ -8,7 +8,7 @@ import pytest
 
 import contract
 import models
-from conftest import ROOT
+from conftest import ROOT, wait_until
 
 EXAMPLES = sorted((ROOT / "proto/examples").glob("*.json"))
 
@@ -48,6 +48,10 @@ def test_the_contracts_requests_are_taken(client, stage, method, template, kind,
     assert 200 <= reply.status < 300, reply
     if template == "/v1/scenes":
         client.delete(reply.headers["location"])
+    if reply.status == 202:
+        job = reply.headers["location"]
+        client.delete(job)
+        assert wait_until(lambda: client.get(job).status == 404 or client.get(job).json()["state"] == "cancelled")
 
 
 def test_there_are_examples():

@@ -1,6 +1,7 @@
 """The Python client that ships in proto/python, against a real server."""
 
 import importlib.util
+import json
 import sys
 
 import numpy as np
@@ -94,6 +95,18 @@ def test_it_starts_watches_and_cancels_jobs(row, library):
     with pytest.raises(library.GridcastError) as refused:
         slow.result()
     assert refused.value.code == "job_cancelled"
+
+
+def test_it_measures_tradeoffs(row, library):
+    settings = {"ray_classes": ["vertex"], "structures": ["bvh"], "precisions": ["exact"], "accuracy_rays": 200,
+                "speed_rays": 200, "repeat": 1}
+    job = row.start_tradeoffs(**settings)
+    rows = json.loads(job.result())["rows"]
+    assert [r["errors_per_million"] for r in rows if r["engine"] == "gridcast"] == [0]
+    assert job.result("text/csv").startswith(b"engine,structure,precision")
+    with pytest.raises(library.GridcastError) as refused:
+        row.start_tradeoffs(structures=["octree"])
+    assert refused.value.pointer == "/structures/0"
 
 
 def test_a_refusal_is_an_exception_with_the_problem(row, library):

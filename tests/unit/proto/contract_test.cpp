@@ -57,6 +57,8 @@ TEST(Contract, vocabularies_are_the_published_ones) {
   const Json& edits = schema("Transaction").at("properties").at("edits").at("items").at("oneOf");
   for (std::size_t i = 0; i < kEditNames.size(); ++i)
     EXPECT_EQ(edits.at(i).at("properties").at("op").at("const"), kEditNames[i]);
+  EXPECT_EQ(words(kRayClassNames), schema("RayClass").at("enum"));
+  EXPECT_EQ(words(kBuiltStructureNames), schema("StructureKind").at("enum"));
   EXPECT_EQ(words(kImageFormatNames), schema("Render").at("properties").at("format").at("enum"));
 }
 
@@ -66,6 +68,11 @@ TEST(Contract, published_limits_are_the_defaults) {
   EXPECT_EQ(render.at("width_px").at("maximum"), limits.image_side_px);
   EXPECT_EQ(render.at("samples").at("maximum"), limits.samples_per_pixel);
   EXPECT_EQ(render.at("max_depth").at("maximum"), limits.bounce_depth);
+  const Json& sweep = schema("TradeoffSweep").at("properties");
+  EXPECT_EQ(sweep.at("accuracy_rays").at("maximum"), limits.tradeoff_accuracy_rays);
+  EXPECT_EQ(sweep.at("speed_rays").at("maximum"), limits.tradeoff_speed_rays);
+  EXPECT_EQ(sweep.at("repeat").at("maximum"), limits.tradeoff_repeat);
+  EXPECT_EQ(sweep.at("deadline_ms").at("maximum"), limits.job_deadline_ms);
   EXPECT_EQ(schema("Rays").at("properties").at("origins").at("maxItems"), limits.json_rays);
   EXPECT_EQ(schema("Rays").at("properties").at("deadline_ms").at("maximum"), limits.deadline_ms);
   const Json& lists = schema("RaysForLists").at("properties");

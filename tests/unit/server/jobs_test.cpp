@@ -53,6 +53,23 @@ TEST_F(JobsTest, a_job_runs_and_keeps_its_result) {
   EXPECT_EQ(job->id().size(), 32U);
 }
 
+TEST_F(JobsTest, other_forms_of_a_result_are_kept_and_weighed_with_it) {
+  limits_.job_result_bytes = 10;
+  make();
+  const auto with_forms = [](const std::string& form) {
+    return [form](Cancellation&, const auto&) -> JobOutcome {
+      HttpResponse made = answer("made");
+      made.other_forms = {{"text/csv", form}};
+      return made;
+    };
+  };
+  const auto too_large = submit(with_forms("a,b,c\r\n"));
+  EXPECT_EQ(ended(*too_large).state, JobState::kFailed) << "4 bytes and 7";
+  const auto fits = submit(with_forms("a,b\r\n"));
+  EXPECT_EQ(ended(*fits).result->other_forms.at(0).body, "a,b\r\n");
+  EXPECT_EQ(jobs_->counts().result_bytes, 9U);
+}
+
 TEST_F(JobsTest, a_problem_and_an_exception_are_failures_and_say_nothing_of_the_inside) {
   make();
   const auto refused = submit([](Cancellation&, const auto&) -> JobOutcome {

@@ -80,6 +80,20 @@ TEST(WorkGate, waits_for_a_place_or_for_the_stop) {
   EXPECT_TRUE(gate.enter(std::stop_token()));
 }
 
+TEST(WorkGate, a_place_can_be_tried_for_and_all_that_came_and_went_is_counted) {
+  WorkGate gate(2);
+  auto first = gate.try_enter();
+  const auto second = gate.enter({});
+  EXPECT_TRUE(first);
+  EXPECT_FALSE(gate.try_enter());
+  EXPECT_EQ(gate.counts().entered, 2U);
+  EXPECT_EQ(gate.counts().left, 0U);
+  first.reset();
+  EXPECT_TRUE(gate.try_enter());
+  EXPECT_EQ(gate.counts().entered, 3U);
+  EXPECT_EQ(gate.counts().left, 2U);
+}
+
 TEST(WorkGate, lets_in_whoever_came_first) {
   WorkGate gate(1);
   auto first = gate.enter({});
