@@ -6,6 +6,7 @@
 #include "core/io/image.h"
 #include "core/measure/bench.h"
 #include "core/measure/embree_yardstick.h"
+#include "core/scene/flatten.h"
 #include "server/bench_serve.h"
 #include "server/cli_bench_json.h"
 #include "server/cli_bench_options.h"
@@ -62,7 +63,8 @@ class BenchCommand final : public Command {
     const auto loaded = load_for_command(file, stop_);
     if (!loaded) return stop_.stop_requested() ? kExitInterrupted : kExitFailed;
     const std::string name = std::filesystem::path(request_.file).stem().string();
-    return measure_scene(measure::framed_scene(name, loaded->scene->data(), loaded->scene->bounds()));
+    return measure_scene(
+        measure::framed_scene(name, scene::flattened(*loaded->scene), loaded->scene->bounds()));
   }
 
   using Section = Status (*)(const measure::BenchScene&, const measure::BenchOptions&, measure::Report&,

@@ -87,8 +87,12 @@ void Metrics::count_pixels(std::size_t pixels) {
 }
 
 void Metrics::count_update(const scene::UpdateReport& report) {
-  for (const scene::MeshUpdateReport& mesh : report.meshes)
-    (mesh.action == scene::MeshAction::kRefit ? families_->refits : families_->rebuilds).Increment();
+  const auto count = [&](const std::vector<scene::MeshUpdateReport>& meshes) {
+    for (const scene::MeshUpdateReport& mesh : meshes)
+      (mesh.action == scene::MeshAction::kRefit ? families_->refits : families_->rebuilds).Increment();
+  };
+  count(report.meshes);
+  for (const scene::PoseReport& pose : report.poses) count(pose.meshes);
 }
 
 void Metrics::set_jobs(const JobCounts& jobs) {

@@ -16,6 +16,7 @@
 #endif
 
 #include "core/io/image.h"
+#include "core/scene/flatten.h"
 
 namespace gridcast::measure {
 namespace {
@@ -334,6 +335,8 @@ EmbreeScene::~EmbreeScene() = default;
 Result<std::unique_ptr<EmbreeScene>> EmbreeScene::build(const scene::SceneData& data,
                                                         const EmbreeOptions& options,
                                                         const std::stop_token& stop) {
+  if (!scene::is_flat(data))
+    return Error{ErrorCode::kUnsupported, "Embree is given meshes as they are: flatten the scene", {}};
   auto made = std::make_unique<EmbreeScene>();
   State& state = *made->state_;
   state.options = options;

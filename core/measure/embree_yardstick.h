@@ -61,7 +61,8 @@ struct EmbreeAnswers {
 class EmbreeScene {
  public:
   /// Builds on the calling arena. `data` is only read meanwhile. Errors: kUnsupported when this Embree lacks
-  /// what `options` ask for, kCancelled.
+  /// what `options` ask for, or when the rest pose bends a mesh (scene::flattened has the bent ones),
+  /// kCancelled.
   [[nodiscard]] static Result<std::unique_ptr<EmbreeScene>> build(const scene::SceneData& data,
                                                                   const EmbreeOptions& options,
                                                                   const std::stop_token& stop = {});

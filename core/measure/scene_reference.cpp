@@ -2,9 +2,13 @@
 
 #include <utility>
 
+#include "core/scene/flatten.h"
+
 namespace gridcast::measure {
 
 Result<exact::Reference> reference_of(const scene::SceneData& data, const std::stop_token& stop) {
+  if (!scene::is_flat(data))
+    return Error{ErrorCode::kUnsupported, "the reference reads meshes as they are: flatten the scene", {}};
   std::vector<exact::Mesh> meshes;
   meshes.reserve(data.meshes.size());
   for (const auto& mesh : data.meshes) meshes.push_back({mesh->positions, mesh->triangles});

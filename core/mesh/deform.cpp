@@ -75,7 +75,7 @@ Vec3f turn_normal(const JointMatrix& matrix, const Vec3d& normal, const Vec3f& o
 
 class Deformer {
  public:
-  Deformer(const TriangleMesh& mesh, const MeshDeformation& deformation, std::span<const float> weights,
+  Deformer(const TriangleMesh& mesh, const MeshDeformation& deformation, std::span<const double> weights,
            std::span<const Affine> joints)
       : mesh_(mesh), deformation_(deformation), weights_(weights) {
     matrices_.reserve(joints.size());
@@ -106,7 +106,7 @@ class Deformer {
     const std::size_t count = std::min(weights_.size(), deformation_.morph_targets.size());
     for (std::size_t t = 0; t < count; ++t) {
       const MorphTarget& target = deformation_.morph_targets[t];
-      block.add(double(weights_[t]), target.*member, target.vertex_ids);
+      block.add(weights_[t], target.*member, target.vertex_ids);
     }
   }
 
@@ -151,7 +151,7 @@ class Deformer {
 
   const TriangleMesh& mesh_;
   const MeshDeformation& deformation_;
-  std::span<const float> weights_;
+  std::span<const double> weights_;
   std::vector<JointMatrix> matrices_;
   DeformedVertices out_;
 };
@@ -159,7 +159,7 @@ class Deformer {
 }  // namespace
 
 DeformedVertices deform(const TriangleMesh& mesh, const MeshDeformation& deformation,
-                        std::span<const float> weights, std::span<const Affine> joints) {
+                        std::span<const double> weights, std::span<const Affine> joints) {
   return Deformer(mesh, deformation, weights, joints).run();
 }
 

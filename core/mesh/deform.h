@@ -27,6 +27,6 @@ struct DeformedVertices {
 /// matrix, which keeps them on the side that the winding says; one that vanishes stays as it was.
 /// Parallel over vertices: the result does not depend on the number of threads.
 [[nodiscard]] DeformedVertices deform(const TriangleMesh& mesh, const MeshDeformation& deformation,
-                                      std::span<const float> weights, std::span<const Affine> joints);
+                                      std::span<const double> weights, std::span<const Affine> joints);
 
 }  // namespace gridcast::mesh

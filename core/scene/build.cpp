@@ -51,7 +51,7 @@ blas::BuildOptions options_for(const RigMesh& mesh, blas::BuildOptions options) 
 struct Sources {
   const SceneData& data;
   const Rig& rig;
-  const std::vector<Affine>& worlds;
+  const Pose& pose;
 
   [[nodiscard]] std::size_t triangle_count(std::size_t mesh_id) const {
     return data.meshes[rig.meshes[mesh_id].source_mesh]->triangle_count();
@@ -62,7 +62,9 @@ struct Sources {
     const auto& source = data.meshes[rigged.source_mesh];
     const bool morphs = std::ranges::any_of(rigged.weights, [](float weight) { return weight != 0.F; });
     if (rigged.skin_id == kInvalidId && !morphs) return source;
-    mesh::DeformedVertices bent = posed_vertices(data, rig, std::uint32_t(mesh_id), rigged.weights, worlds);
+    std::vector<Affine> joints;
+    if (rigged.skin_id != kInvalidId) joints = joint_matrices(data, rig, pose, rigged.skin_id);
+    mesh::DeformedVertices bent = posed_vertices(data, rig, pose, std::uint32_t(mesh_id), joints);
     auto mesh = std::make_shared<mesh::TriangleMesh>(*source);
     mesh->positions = std::move(bent.positions);
     mesh->normals = std::move(bent.normals);
@@ -107,10 +109,10 @@ BuiltMeshes build_meshes(const Sources& sources, const SceneBuildOptions& option
 }
 
 /// A skinned mesh stands where its joints are, whatever its node does (glTF 2.0, section 3.7.3.3).
-Affine place_of(const Sources& sources, std::size_t instance_id) {
+Affine place_at_rest(const Sources& sources, std::size_t instance_id) {
   const std::uint32_t skin_id = sources.rig.meshes[sources.rig.mesh_of_instance[instance_id]].skin_id;
   return skin_id == kInvalidId ? sources.data.instances[instance_id].world_from_object
-                               : skin_frame(sources.rig, skin_id, sources.worlds);
+                               : skin_frame(sources.rig, skin_id, *sources.pose.nodes);
 }
 
 /// Fills the slots in parallel and collects their boxes.
@@ -123,8 +125,8 @@ std::vector<tlas::InstanceBox> place_instances(SceneEditor& editor, const Source
     const std::size_t end = std::min(count, (task + 1) * kInstancesPerTask);
     for (std::size_t i = task * kInstancesPerTask; i < end; ++i) {
       const auto id = std::uint32_t(i);
-      editor.set_instance(id,
-                          {InstanceTransform(place_of(sources, i)), sources.rig.mesh_of_instance[i], true});
+      editor.set_instance(
+          id, {InstanceTransform(place_at_rest(sources, i)), sources.rig.mesh_of_instance[i], true});
       boxes[i] = editor.hit_box_of(id);
     }
   });
@@ -152,9 +154,9 @@ void warn_about_inactive(const Scene& scene, SceneData& data) {
 Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuildOptions& options) try {
   if (Status status = check_instances(data); !status) return status.error();
   if (Status status = check_rig(data); !status) return status.error();
-  const Rig rig = make_rig(data);
-  const std::vector<Affine> worlds = rest_worlds(data);
-  const Sources sources{data, rig, worlds};
+  const auto rig = std::make_shared<const Rig>(make_rig(data));
+  const auto pose = std::make_shared<const Pose>(rest_pose(data, *rig));
+  const Sources sources{data, *rig, *pose};
   BuiltMeshes built = build_meshes(sources, options);
   // The first invalid mesh by number, whatever the order of building; a cancelled build has no other error.
   if (options.stop.stop_requested()) return cancelled();
@@ -169,7 +171,8 @@ Result<std::shared_ptr<const Scene>> build_scene(SceneData data, const SceneBuil
   if (options.stop.stop_requested()) return cancelled();
   editor.set_top_level(tlas::TopLevel::build(boxes));
   warn_about_inactive(editor.scene(), data);
-  editor.set_data(std::make_shared<const SceneData>(std::move(data)));
+  editor.set_data(std::make_shared<const SceneData>(std::move(data)), rig);
+  editor.set_pose(pose);
   if (options.progress) options.progress(1.0);
   return editor.publish();
 } catch (const std::bad_alloc&) {

@@ -46,13 +46,19 @@ Status check_edit(const ReplaceVertices& edit, std::size_t vertex_count) {
   return check_vertex_ids(edit.vertex_ids, vertex_count);
 }
 
-/// The mesh with new positions, normals to match, and the next vertex_version.
+/// The mesh with new positions, normals that came with them or match them, and the next vertex_version.
 std::shared_ptr<const mesh::TriangleMesh> moved_mesh(const mesh::TriangleMesh& old,
-                                                     std::vector<Vec3f> positions) {
-  auto moved = std::make_shared<mesh::TriangleMesh>(old);
+                                                     std::vector<Vec3f> positions,
+                                                     std::vector<Vec3f> normals) {
+  auto moved = std::make_shared<mesh::TriangleMesh>();
+  moved->name = old.name;
+  moved->triangles = old.triangles;
+  moved->parts = old.parts;
+  moved->topology_version = old.topology_version;
+  moved->vertex_version = old.vertex_version + 1;
   moved->positions = std::move(positions);
-  ++moved->vertex_version;
-  if (!moved->normals.empty()) moved->normals = mesh::smooth_normals(*moved);
+  moved->normals = std::move(normals);
+  if (!old.normals.empty() && moved->normals.empty()) moved->normals = mesh::smooth_normals(*moved);
   return moved;
 }
 
@@ -108,6 +114,7 @@ Status MeshEdits::add(const Scene& scene, const ReplaceVertices& edit, std::size
   if (Status status = check_edit(edit, mesh.positions.size()); !status) return status;
 
   Pending& pending = pending_[edit.mesh_id];
+  pending.normals.clear();
   if (edit.vertex_ids.empty()) {
     pending.positions = edit.positions;
     pending.vertices.reset();
@@ -129,12 +136,26 @@ Status MeshEdits::add(const Scene& scene, const ReplaceVertices& edit, std::size
   return ok_status();
 }
 
+Status MeshEdits::pose(std::uint32_t mesh_id, mesh::DeformedVertices vertices, UpdateMode mode,
+                       std::size_t edit_index) {
+  if (Status status = mesh::validate_positions(vertices.positions); !status) return status;
+  Pending& pending = pending_[mesh_id];
+  pending.positions = std::move(vertices.positions);
+  pending.normals = std::move(vertices.normals);
+  pending.vertices.reset();
+  ++pending.edit_count;
+  pending.mode = std::max(pending.mode, mode);
+  if (mode == UpdateMode::kRefit) pending.last_refit_edit = edit_index;
+  return ok_status();
+}
+
 Status MeshEdits::apply(SceneEditor& editor) {
   for (auto& [mesh_id, pending] : pending_) {
     const Clock::time_point start = Clock::now();
     const blas::Blas old = editor.scene().blas(mesh_id);
-    auto action = refit_or_rebuild(old, moved_mesh(old.mesh(), std::move(pending.positions)),
-                                   pending.vertices, pending.mode);
+    auto action = refit_or_rebuild(
+        old, moved_mesh(old.mesh(), std::move(pending.positions), std::move(pending.normals)),
+        pending.vertices, pending.mode);
     if (!action) {
       const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
       return Error{action.error().code, action.error().message, edit + "/mode"};

@@ -41,6 +41,8 @@ class RigMaker {
     for (std::uint32_t m = 0; m < data_.meshes.size(); ++m)
       if (!taken_[m]) rig_.meshes[m] = make_mesh(m, kInvalidId, {});
     for (const Skin& skin : data_.skins) rig_.skin_root.push_back(root_of(data_, skin));
+    rig_.node_of_id.reserve(data_.nodes.size());
+    for (std::uint32_t n = 0; n < data_.nodes.size(); ++n) rig_.node_of_id.emplace(node_id(data_, n), n);
     return std::move(rig_);
   }
 
@@ -95,6 +97,11 @@ class RigMaker {
 };
 
 }  // namespace
+
+std::uint32_t node_id(const SceneData& data, std::uint32_t node) {
+  const std::uint32_t in_file = data.nodes[node].file_index;
+  return in_file == kInvalidId ? node : in_file;
+}
 
 Rig make_rig(const SceneData& data) {
   return RigMaker(data).run();

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <unordered_map>
 #include <vector>
 
 #include "core/scene/scene_data.h"
@@ -28,7 +29,11 @@ struct Rig {
   /// For each skin, the node above its joints: the closest ancestor of the first joint that is no joint
   /// itself.
   std::vector<std::uint32_t> skin_root;
+  std::unordered_map<std::uint32_t, std::uint32_t> node_of_id;  ///< index into SceneData::nodes by node_id
 };
+
+/// The id by which clients know a node: its index in the file, or in SceneData::nodes without a file.
+[[nodiscard]] std::uint32_t node_id(const SceneData& data, std::uint32_t node);
 
 /// `data` has passed check_rig.
 [[nodiscard]] Rig make_rig(const SceneData& data);

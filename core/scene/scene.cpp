@@ -1,6 +1,7 @@
 #include "core/scene/scene.h"
 
 #include "core/scene/hit_box.h"
+#include "core/scene/pose.h"
 
 namespace gridcast::scene {
 namespace {
@@ -41,7 +42,8 @@ std::uint64_t Scene::stored_triangle_count() const {
 
 std::size_t Scene::memory_bytes() const {
   std::size_t bytes = instances_.memory_bytes() + added_names_.memory_bytes() +
-                      data_->instances.capacity() * sizeof(InstanceData) + top_level_.memory_bytes();
+                      data_->instances.capacity() * sizeof(InstanceData) + top_level_.memory_bytes() +
+                      scene::memory_bytes(*pose_);
   for (const blas::Blas& blas : blas_) bytes += blas.mesh().memory_bytes() + blas.stats().memory_bytes;
   return bytes;
 }

@@ -17,6 +17,9 @@
 
 namespace gridcast::scene {
 
+struct Rig;
+struct Pose;
+
 /// A slot of the scene; instance_id is its index. A removed instance leaves a dead slot: ids are never
 /// reused.
 struct Instance {
@@ -52,6 +55,10 @@ class Scene {
   /// What the file held beside geometry: materials, cameras, lights, nodes, skins, animations, warnings.
   /// Its `meshes` and `instances` are those of the file, not of this version.
   [[nodiscard]] const SceneData& data() const { return *data_; }
+  [[nodiscard]] const Rig& rig() const { return *rig_; }
+  /// How the file's nodes, skins and morph targets stand in this version (SetPose changes it). Instances and
+  /// meshes that other edits moved since are elsewhere.
+  [[nodiscard]] const Pose& pose() const { return *pose_; }
 
   /// Every invariant of the structures of both levels (slow; for tests and debugging).
   [[nodiscard]] Status validate() const;
@@ -75,6 +82,8 @@ class Scene {
   std::uint64_t world_triangles_ = 0;
   tlas::TopLevel top_level_;
   std::shared_ptr<const SceneData> data_;
+  std::shared_ptr<const Rig> rig_;
+  std::shared_ptr<const Pose> pose_;
 };
 
 using ProgressCallback =

@@ -18,7 +18,11 @@ class SceneEditor {
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
 
-  void set_data(std::shared_ptr<const SceneData> data) { scene_->data_ = std::move(data); }
+  void set_data(std::shared_ptr<const SceneData> data, std::shared_ptr<const Rig> rig) {
+    scene_->data_ = std::move(data);
+    scene_->rig_ = std::move(rig);
+  }
+  void set_pose(std::shared_ptr<const Pose> pose) { scene_->pose_ = std::move(pose); }
   void set_blas_options(const blas::BuildOptions& options) { scene_->blas_options_ = options; }
   void add_mesh(blas::Blas blas) {
     scene_->hulls_.emplace_back(blas.mesh(), blas.bounds());

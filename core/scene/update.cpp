@@ -4,6 +4,7 @@
 #include <new>
 
 #include "core/scene/mesh_edits.h"
+#include "core/scene/pose_edits.h"
 
 namespace gridcast::scene {
 namespace {
@@ -48,6 +49,10 @@ class Update {
 
   Status operator()(const ReplaceVertices& edit) { return mesh_edits_.add(scene(), edit, edit_index_); }
 
+  Status operator()(const SetPose& edit) {
+    return pose_edits_.apply(edit, edit_index_, editor_, mesh_edits_, touched_);
+  }
+
   Status operator()(const AddMesh& edit) {
     if (edit.mesh == nullptr) return Error{ErrorCode::kInvalidArgument, "there is no mesh to add", "/mesh"};
     if (Status status = mesh::validate(*edit.mesh); !status)
@@ -67,6 +72,7 @@ class Update {
     }
     if (Status status = mesh_edits_.apply(editor_); !status) return status.error();
     report_.meshes = mesh_edits_.reports();
+    report_.poses = pose_edits_.reports(mesh_edits_);
     touch_instances_of_edited_meshes();
     editor_.update_boxes(std::move(touched_));
     report_.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -92,6 +98,7 @@ class Update {
 
   SceneEditor editor_;
   MeshEdits mesh_edits_;
+  PoseEdits pose_edits_;
   std::vector<std::uint32_t> touched_;  // instances whose box may have changed
   UpdateReport report_;
   std::size_t edit_index_ = 0;

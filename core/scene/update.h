@@ -6,6 +6,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/math/trs.h"
 #include "core/scene/scene.h"
 
 namespace gridcast::scene {
@@ -42,7 +43,53 @@ struct AddMesh {
   std::shared_ptr<const mesh::TriangleMesh> mesh;
 };
 
-using SceneEdit = std::variant<AddInstance, RemoveInstance, MoveInstance, ReplaceVertices, AddMesh>;
+/// An animation, skin or node of the file: by its number there, or by a name that only one of them has.
+using ElementRef = std::variant<std::uint32_t, std::string>;
+
+/// Where a pose begins: with the file's rest pose, or with the present one.
+enum class PoseBase : std::uint8_t { kRest, kPresent };
+/// What a time outside of an animation means: its first or last moment, or it begins again.
+enum class AnimationWrap : std::uint8_t { kClamp, kLoop };
+
+struct AnimationTime {
+  ElementRef animation;
+  double time_s = 0.0;
+  AnimationWrap wrap = AnimationWrap::kClamp;
+};
+/// Parts that are none stay as they are in the pose so far.
+struct TrsParts {
+  std::optional<Vec3d> translation;
+  std::optional<std::array<double, 4>> rotation;  ///< quaternion x, y, z, w of any length but 0
+  std::optional<Vec3d> scale;
+};
+struct NodeTransform {
+  ElementRef node;
+  std::variant<Affine, TrsParts> parent_from_node;
+};
+struct SkinJoints {
+  ElementRef skin;
+  /// One per joint, world_from_mesh: the joint's world transform times its inverse bind matrix.
+  std::vector<Affine> joint_matrices;
+};
+struct MorphWeights {
+  std::uint32_t mesh_id = kInvalidId;
+  std::vector<double> weights;  ///< one per morph target
+};
+
+/// Poses the scene: first an animation, then nodes, then joints and weights in place of what these say, each
+/// at most once. Instances whose place thereby changes move, meshes whose joints or weights change deform;
+/// what other edits moved meanwhile stays where a pose changes nothing. A file's animation may squeeze an
+/// instance to nothing: it is then never hit.
+struct SetPose {
+  PoseBase base = PoseBase::kRest;
+  std::optional<AnimationTime> animation;
+  std::vector<NodeTransform> nodes;
+  std::vector<SkinJoints> skins;
+  std::vector<MorphWeights> weights;
+  UpdateMode mode = UpdateMode::kAuto;
+};
+
+using SceneEdit = std::variant<AddInstance, RemoveInstance, MoveInstance, ReplaceVertices, AddMesh, SetPose>;
 
 enum class MeshAction : std::uint8_t { kRefit, kRebuild };
 [[nodiscard]] std::string_view to_string(MeshAction action);  ///< refit, rebuild
@@ -57,11 +104,19 @@ struct MeshUpdateReport {
   double ms = 0.0;
 };
 
+/// What became of one SetPose.
+struct PoseReport {
+  std::vector<MeshUpdateReport> meshes;  ///< those whose vertices it changed, ascending by id
+  std::size_t moved_instances = 0;
+  std::size_t inactive_instances = 0;  ///< of these, squeezed to nothing
+};
+
 struct UpdateReport {
   std::vector<std::uint32_t> added_instances;  ///< ids in the order of the AddInstance edits
   std::vector<std::uint32_t> added_meshes;     ///< ids in the order of the AddMesh edits
   std::vector<MeshUpdateReport>
       meshes;  ///< in the order of the ReplaceVertices edits; edits of one mesh share a report
+  std::vector<PoseReport> poses;  ///< in the order of the SetPose edits
   double ms = 0.0;
 };
 
@@ -77,7 +132,7 @@ inline constexpr double kMaxRefitCostRatio = 1.5;
 /// All edits in order, or none: on error `scene` is untouched and `where` starts with the edit
 /// (`/edits/2/...`). Moving k of n instances costs O(k) plus the chunks they share with others. Errors:
 /// kNotFound (unknown instance or mesh), kInvalidArgument (singular transform, non-finite or miscounted
-/// positions), kUnsupported (mode kRefit on a structure that cannot).
+/// positions, a pose that names what is not there), kUnsupported (mode kRefit on a structure that cannot).
 [[nodiscard]] Result<UpdateResult> apply_update(const Scene& scene, const std::vector<SceneEdit>& edits);
 
 }  // namespace gridcast::scene

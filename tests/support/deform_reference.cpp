@@ -19,7 +19,7 @@ Vec3f displacement(const mesh::MorphTarget& target, std::size_t vertex) {
 }  // namespace
 
 ReferencePoint reference_position(const mesh::TriangleMesh& mesh, const mesh::MeshDeformation& deformation,
-                                  std::span<const float> weights, std::span<const Affine> joints,
+                                  std::span<const double> weights, std::span<const Affine> joints,
                                   std::size_t vertex) {
   Wide p[3], size[3];
   for (int axis = 0; axis < 3; ++axis) {

@@ -18,7 +18,7 @@ struct ReferencePoint {
 
 /// Where a vertex goes. A vertex whose weights have no positive sum follows its first joint.
 ReferencePoint reference_position(const mesh::TriangleMesh& mesh, const mesh::MeshDeformation& deformation,
-                                  std::span<const float> weights, std::span<const Affine> joints,
+                                  std::span<const double> weights, std::span<const Affine> joints,
                                   std::size_t vertex);
 
 }  // namespace gridcast::test

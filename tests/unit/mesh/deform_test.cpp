@@ -18,7 +18,7 @@ using Wide = long double;
 struct Rig {
   TriangleMesh mesh;
   MeshDeformation deformation;
-  std::vector<float> weights;
+  std::vector<double> weights;
   std::vector<Affine> joints;
 };
 
@@ -47,7 +47,7 @@ Rig random_rig(test::Random& random, std::uint32_t influences, std::size_t targe
       target.normals.emplace_back(random.in_box(0.1));
     }
     rig.deformation.morph_targets.push_back(target);
-    rig.weights.push_back(random.below(4) == 0 ? 0.F : float(random.uniform(-1.0, 2.0)));
+    rig.weights.push_back(random.below(4) == 0 ? 0.0 : random.uniform(-1.0, 2.0));
   }
   rig.deformation.influences = influences;
   for (std::size_t i = 0; i < count * influences; ++i) {
@@ -104,7 +104,7 @@ TEST(Deform, the_result_does_not_depend_on_the_number_of_threads) {
 TEST(Deform, sparse_targets_move_what_dense_ones_do_and_take_less_memory) {
   test::Random random(test::seed_or(63));
   Rig rig = random_rig(random, 4, 0, 5, 0.0);
-  rig.weights = {0.7F};
+  rig.weights = {0.7};
   MorphTarget dense;
   dense.positions.assign(rig.mesh.positions.size(), Vec3f(0.F));
   dense.normals = dense.positions;
