@@ -1,7 +1,7 @@
 #include <array>
 #include <utility>
 
-#include "core/measure/scene_snapshot.h"
+#include "core/scene/flatten.h"
 #include "core/measure/tradeoff.h"
 #include "proto/media_type.h"
 #include "proto/tradeoff_request.h"
@@ -90,7 +90,7 @@ JobOutcome measure_sweep(const Api& api, const Sweep& sweep, Cancellation& cance
   const OtherWork other_work(api);
   measure::TradeoffOptions options = sweep.options;
   options.stop = cancellation.token();
-  const auto report = measure::measure_tradeoffs(measure::snapshot_of(*sweep.scene), options, progress);
+  const auto report = measure::measure_tradeoffs(scene::flattened(*sweep.scene), options, progress);
   if (!report) return problem_of(report.error(), proto::ErrorContext::kQuery, cancellation);
   const std::uint64_t others = other_work.count();
   auto json = tradeoff_json(*report, sweep.scene_id);

@@ -10,7 +10,7 @@
 #include "core/measure/interleave.h"
 #include "core/measure/pareto.h"
 #include "core/measure/scene_reference.h"
-#include "core/measure/scene_snapshot.h"
+#include "core/scene/flatten.h"
 #include "core/measure/statistics.h"
 #include "core/measure/tradeoff_method.h"
 #include "core/scene/trace.h"
@@ -80,7 +80,7 @@ class Measurement {
     posed_ = *std::move(posed);
     if (posed_->bounds().empty())
       return Error{ErrorCode::kInvalidArgument, "the scene has no triangle that a ray could hit", ""};
-    data_ = snapshot_of(*posed_);
+    data_ = scene::flattened(*posed_);
     report_.stored_triangles = posed_->stored_triangle_count();
     // An instance that was removed has kept its number only.
     for (std::uint32_t id = 0; id < posed_->instance_slots(); ++id) {

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "core/measure/scene_snapshot.h"
+#include "core/scene/flatten.h"
 #include "core/scene/trace.h"
 #include "core/scene/update.h"
 #include "tests/support/random.h"
@@ -143,10 +143,10 @@ TEST(Tradeoff, NothingToHitAndAStopAreErrors) {
   }
 }
 
-TEST(SceneSnapshot, KeepsIdsAndAnswers) {
+TEST(Tradeoff, FlattenedScenesKeepIdsAndAnswers) {
   const auto first = scene::build_scene(row_of(test::icosphere(1), 4)).value();
   const auto changed = scene::apply_update(*first, {scene::RemoveInstance{1}}).value().scene;
-  const auto again = scene::build_scene(snapshot_of(*changed)).value();
+  const auto again = scene::build_scene(flattened(*changed)).value();
   EXPECT_EQ(again->instance_slots(), 4U);
   for (int i = 0; i < 4; ++i) {
     const Ray ray{{2.5 * i, 0.0, 990.0}, {0.01, 0.02, 1.0}};
