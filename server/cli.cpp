@@ -18,6 +18,7 @@ Examples:
   gridcast render engine.glb -o engine.png --width 800 --height 600
   gridcast serve --port 8080 --load engine=engine.glb
   gridcast bench --quick
+  gridcast chart engine.glb -o chart.svg
 
 Exit codes: 0 done, 1 the work failed, 2 wrong usage, 130 interrupted.
 'gridcast COMMAND --help' says more about each.)";
@@ -48,6 +49,7 @@ int run_command_line(int argc, char** argv) {
   commands.push_back(make_render_command(program));
   commands.push_back(make_info_command(program));
   commands.push_back(make_bench_command(program));
+  commands.push_back(make_chart_command(program));
   if (argc > 1 && is_unknown_command(program, argv[1])) {
     std::fprintf(stderr, "gridcast: unknown command '%s' (see gridcast --help)\n", argv[1]);
     return kExitUsage;

@@ -118,6 +118,21 @@ BenchScene make_w4(std::uint64_t seed, double size) {
   return single(flat_mesh(scaled(1'000'000, size), seed), {{0.3, 1.6, 1.6}, {0, 0, 0}});
 }
 
+/// H1: closed bodies drawn out to slivers of 1,000 : 1, turned, far from the world's origin: what is left of
+/// a float there is coarser than the slivers are wide.
+BenchScene make_h1(std::uint64_t seed, double size) {
+  const Vec3d far{40'000.0, -60'000.0, 80'000.0};
+  TriangleMesh body = organic_mesh(scaled(4000, size), seed);
+  for (Vec3f& p : body.positions) p = {100.F * p.x, 0.1F * p.y, p.z};
+  BenchScene scene = empty_of(std::move(body), {far + Vec3d{150.0, 110.0, 260.0}, far});
+  Random random(seed + 800);
+  for (int i = 0; i < 24; ++i) {
+    const Vec3d at = far + random.in_box(40.0);
+    place(scene, at, random.uniform(0.5, 1.0), random.rotation());
+  }
+  return scene;
+}
+
 struct Maker {
   SceneEntry entry;
   BenchScene (*make)(std::uint64_t seed, double size);
@@ -137,6 +152,7 @@ constexpr std::array kMakers{
     Maker{{"W2", "S2 and one huge triangle"}, make_w2},
     Maker{{"W3", "fan of 1 M needles"}, make_w3},
     Maker{{"W4", "1 M triangles in one plane"}, make_w4},
+    Maker{{"H1", "hostile: 24 bodies of slivers far from the origin, 4 k triangles each"}, make_h1},
 };
 
 constexpr auto kCatalogue = [] {

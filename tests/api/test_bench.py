@@ -55,7 +55,7 @@ def test_every_section_has_rows_of_the_agreed_shape(report):
 
 def test_no_answer_differs_from_single_rays_or_brute_force(report):
     read = report(*TINY, "--scene", "all", "--section", "rays", "--structure", "wide_bvh,kd_tree")
-    assert len(read["checks"]) == 13 * 6 * 2 * 2 * 2
+    assert len(read["checks"]) == 14 * 6 * 2 * 2 * 2
     assert all(row["differs"] == 0 == row["brute_force_differs"] for row in read["checks"])
     assert sum(row["brute_force_rays"] for row in read["checks"]) > 1000
     assert sum(row["embree_differs"] for row in read["checks"]) < 0.05 * sum(row["rays"] for row in read["checks"])

@@ -12,6 +12,8 @@ ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {"build", "run", "image", "demo", "test"}
 # Part of every Debian system, or brought by g++'s own libraries.
 BASE = {"libc6", "libgcc-s1", "libstdc++6"}
+# Programs that ours starts; never linked.
+STARTED = {"gnuplot-nox"}
 
 
 def dependencies():
@@ -101,4 +103,4 @@ def test_the_run_group_is_exactly_what_the_program_links():
     paths = dict(re.findall(r"^\s*(\S+) => (/\S+)", resolved, re.MULTILINE))
     linked = {package_of(paths[name]) for name in needed if name in paths} - BASE
     listed = {package for group, package in dependencies() if group == "run"}
-    assert listed == linked
+    assert listed == linked | STARTED

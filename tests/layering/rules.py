@@ -79,6 +79,8 @@ SYSTEM = {
     "dlfcn.h": ["core/measure/embree_yardstick.cpp"],
     "poll.h": ["server/", "tests/"],
     "signal.h": ["server/", "tests/"],
+    # Programs that ours starts.
+    "spawn.h": ["server/gnuplot.cpp"],
     "immintrin.h": ["core/blas/", "core/tlas/"],
     # The control register of floating point, to flush denormals on purpose.
     "xmmintrin.h": ["tests/stability/"],
