@@ -137,8 +137,9 @@ TEST(Stability, RC35_SecondaryRays) {
             << "; of the box in double, times the condition: median " << share_of(offsets.of_double, 0.5)
             << ", 99 % " << share_of(offsets.of_double, 0.99) << ", largest "
             << share_of(offsets.of_double, 1.0) << '\n';
-  // Twelve: what the triangle test may get wrong over a triangle twice as wide as its largest coordinate.
-  EXPECT_LE(share_of(offsets.of_double, 1.0), 12.0);
+  // 36 r over a triangle twice as wide as its largest coordinate, along a diagonal normal, is 125 r of that
+  // coordinate, the direction's share at most 42 r; pbrt's box has 10 r.
+  EXPECT_LE(share_of(offsets.of_double, 1.0), 20.0);
 }
 
 /// Two copies of a triangle, the second one `gap` along the normal.
