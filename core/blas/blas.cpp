@@ -55,6 +55,19 @@ Status store(Slot& slot, Result<std::shared_ptr<const T>> built) {
   return ok_status();
 }
 
+/// Half the area of the boxes of all triangles, from at most kSampledTriangles evenly spaced ones: always the
+/// same of a mesh, so that two estimates of it compare.
+double half_area_of_triangles(const mesh::TriangleMesh& mesh) {
+  constexpr std::size_t kSampledTriangles = 1024;
+  const std::size_t count = mesh.triangle_count();
+  const std::size_t stride = std::max<std::size_t>(1, count / kSampledTriangles);
+  double sum = 0.0;
+  std::size_t sampled = 0;
+  for (std::size_t i = 0; i < count; i += stride, ++sampled)
+    sum += to_double(mesh.triangle_bounds(std::uint32_t(i))).half_area();
+  return sampled > 0 ? sum * (double(count) / double(sampled)) : 0.0;
+}
+
 Error out_of_memory() {
   return {ErrorCode::kLimitExceeded, "not enough memory for this structure", {}};
 }
@@ -106,6 +119,7 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
     status = blas.prefer_kd_tree(stop);
   if (!status) return status.error();
   blas.stats_.cost_at_build = blas.stats_.cost;
+  blas.stats_.looseness_at_build = blas.stats_.looseness;
   blas.stats_.build_ms =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return blas;
@@ -294,6 +308,9 @@ Status Blas::prefer_kd_tree(const std::stop_token& stop) {
 
 void Blas::add_structure_stats() {
   std::visit([&](const auto& structure) { structure->add_stats(stats_); }, structure_);
+  if (stats_.kind == StructureKind::kBruteForce) return;  // cannot become worse
+  const double triangles = half_area_of_triangles(*mesh_);
+  stats_.looseness = triangles > 0.0 ? stats_.cost * to_double(bounds_).half_area() / triangles : 0.0;
 }
 
 }  // namespace gridcast::blas

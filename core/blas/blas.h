@@ -41,8 +41,8 @@ enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
 enum class SpatialSplits : std::uint8_t { kAuto, kNever };
 
 /// kDefault: the best rays, by surface-area cost from the top. kFast: about half the
-/// time to build, in Morton order, at some 10 % more cost, for meshes that change whole from frame to frame. Of both BVHs; other structures
-/// have one way.
+/// time to build, in Morton order, at some 10 % more cost, for meshes that change whole from frame to frame.
+/// Of both BVHs; other structures have one way.
 enum class BuildQuality : std::uint8_t { kDefault, kFast };
 
 /// Names used on the wire and the command line: auto, brute_force, bvh, wide_bvh, kd_tree, embree.
@@ -81,6 +81,8 @@ struct StructureStats {
   std::size_t memory_bytes = 0;  ///< of the structure, without the mesh
   double cost = 0.0;  ///< surface-area cost now, in triangle tests per random ray that meets the root box
   double cost_at_build = 0.0;  ///< the same when it was last built
+  double looseness = 0.0;  ///< the same by the boxes of the triangles instead of the root's; 0 = not known
+  double looseness_at_build = 0.0;
   double build_ms = 0.0;
   std::uint32_t refits_since_build = 0;
 };

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 
 #include "core/mesh/topology.h"
+#include "core/scene/tree_watch.h"
 
 namespace gridcast::scene {
 namespace {
@@ -13,12 +13,6 @@ using Clock = std::chrono::steady_clock;
 
 Error invalid(std::string message, std::string where) {
   return {ErrorCode::kInvalidArgument, std::move(message), std::move(where)};
-}
-
-std::string rounded(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.4g", value);
-  return text;
 }
 
 /// Each id in range and named once.
@@ -69,11 +63,12 @@ struct Action {
 };
 
 Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
-                       std::string reason) {
+                       blas::BuildQuality quality, std::string reason) {
   // What moved once will move again: a tree without shared triangles stays good longer.
   blas::BuildOptions options = old.options();
   options.spatial = blas::SpatialSplits::kNever;
   options.motion = blas::MeshMotion::kDeforms;
+  options.quality = quality;
   auto built = blas::Blas::build(std::move(moved), options);
   if (!built) return built.error();
   return Action{*std::move(built), MeshAction::kRebuild, std::move(reason)};
@@ -81,28 +76,27 @@ Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::Triang
 
 using Vertices = std::optional<std::vector<std::uint32_t>>;
 
-/// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any.
+/// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any. `asked` is
+/// the quality the scene was asked for.
 Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
-                                const Vertices& vertices, UpdateMode mode) {
+                                const Vertices& vertices, UpdateMode mode, blas::BuildQuality asked) {
   const std::string kind(to_string(old.stats().kind));
-  if (mode == UpdateMode::kRebuild) return rebuild(old, std::move(moved), "A rebuild was asked for.");
+  if (mode == UpdateMode::kRebuild) return rebuild(old, std::move(moved), asked, "A rebuild was asked for.");
   if (!old.can_refit()) {
     // Who did not ask for this structure gets one that follows the vertices from now on.
     if (mode == UpdateMode::kRefit && old.options().kind != blas::StructureKind::kAuto)
       return Error{ErrorCode::kUnsupported, "a " + kind + " structure cannot be refitted", ""};
-    return rebuild(old, std::move(moved), "A " + kind + " structure cannot be refitted.");
+    return rebuild(old, std::move(moved), asked, "A " + kind + " structure cannot be refitted.");
   }
   auto refitted = vertices ? old.refit(moved, *vertices) : old.refit(moved);
   if (!refitted) return refitted.error();
   if (mode == UpdateMode::kRefit)
     return Action{*std::move(refitted), MeshAction::kRefit, "A refit was asked for."};
 
-  const double cost = refitted->stats().cost, limit = kMaxRefitCostRatio * refitted->stats().cost_at_build;
-  const std::string costs = "the refitted tree's cost " + rounded(cost);
-  const std::string limits =
-      rounded(kMaxRefitCostRatio) + " times its cost at build, " + rounded(limit) + ".";
-  if (cost > limit) return rebuild(old, std::move(moved), "Rebuilt because " + costs + " exceeds " + limits);
-  return Action{*std::move(refitted), MeshAction::kRefit, "Refitted: " + costs + " is within " + limits};
+  TreeVerdict verdict = judge_refit(refitted->stats(), asked);
+  if (verdict.rebuild_as)
+    return rebuild(old, std::move(moved), *verdict.rebuild_as, std::move(verdict.reason));
+  return Action{*std::move(refitted), MeshAction::kRefit, std::move(verdict.reason)};
 }
 
 }  // namespace
@@ -155,7 +149,7 @@ Status MeshEdits::apply(SceneEditor& editor) {
     const blas::Blas old = editor.scene().blas(mesh_id);
     auto action = refit_or_rebuild(
         old, moved_mesh(old.mesh(), std::move(pending.positions), std::move(pending.normals)),
-        pending.vertices, pending.mode);
+        pending.vertices, pending.mode, editor.scene().blas_options().quality);
     if (!action) {
       const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
       return Error{action.error().code, action.error().message, edit + "/mode"};

@@ -125,10 +125,6 @@ struct UpdateResult {
   UpdateReport report;
 };
 
-/// kAuto rebuilds when the refitted tree's surface-area cost exceeds this times its cost at build.
-/// numerics.md's watch rule after C. Lauterbach, 2006.
-inline constexpr double kMaxRefitCostRatio = 1.5;
-
 /// All edits in order, or none: on error `scene` is untouched and `where` starts with the edit
 /// (`/edits/2/...`). Moving k of n instances costs O(k) plus the chunks they share with others. Errors:
 /// kNotFound (unknown instance or mesh), kInvalidArgument (singular transform, non-finite or miscounted
