@@ -7,8 +7,8 @@
 
 #include "core/io/image.h"
 #include "core/math/precision_names.h"
-#include "core/measure/scene_snapshot.h"
 #include "core/measure/tradeoff.h"
+#include "core/scene/flatten.h"
 #include "server/chart_gnuplot.h"
 #include "server/chart_vega.h"
 #include "server/cli_common.h"
@@ -162,7 +162,7 @@ class ChartCommand final : public Command {
     const auto loaded = load_scene_file(scene_, load);
     if (!loaded) return loaded.error();
     return measure::framed_scene(std::filesystem::path(scene_).stem().string(),
-                                 measure::snapshot_of(*loaded->scene), loaded->scene->bounds());
+                                 scene::flattened(*loaded->scene), loaded->scene->bounds());
   }
 
   [[nodiscard]] Result<std::vector<std::byte>> encode(const std::string& path,
