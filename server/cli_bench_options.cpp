@@ -16,7 +16,8 @@ every answer is compared bit for bit with the single rays of the first structure
 difference ends in exit code 1. Builds and refits are in milliseconds (ms) and millions of triangles a second,
 updates of instances in nanoseconds (ns) an instance moved, memory in bytes a triangle or an instance.
 
-Scenes: S1 to S6 are single meshes, I1 to I3 instances, W1 to W4 worst cases; S, I, W and all name groups.
+Scenes: S1 to S6 are single meshes, I1 to I3 instances, W1 to W4 worst cases, H1
+is made for accuracy; S, I, W and all name groups.
 The whole benchmark takes long and about 4 GiB; --quick gives a first idea in about a minute, on smaller scenes whose
 figures are not comparable with those of whole ones.
 
@@ -45,7 +46,7 @@ std::vector<std::string> scene_words() {
 
 void add_what(CLI::App& app, BenchRequest& request) {
   app.add_option("--scene", request.scenes,
-                 "Scenes, with commas: S1 to S6, I1 to I3, W1 to W4, S, I, W or all")
+                 "Scenes, with commas: S1 to S6, I1 to I3, W1 to W4, H1, S, I, W or all")
       ->delimiter(',')
       ->capture_default_str()
       ->check(CLI::IsMember(scene_words()));

@@ -1,8 +1,8 @@
 #include <array>
 #include <utility>
 
-#include "core/scene/flatten.h"
 #include "core/measure/tradeoff.h"
+#include "core/scene/flatten.h"
 #include "proto/media_type.h"
 #include "proto/tradeoff_request.h"
 #include "server/api.h"

@@ -10,9 +10,9 @@
 #include "core/measure/interleave.h"
 #include "core/measure/pareto.h"
 #include "core/measure/scene_reference.h"
-#include "core/scene/flatten.h"
 #include "core/measure/statistics.h"
 #include "core/measure/tradeoff_method.h"
+#include "core/scene/flatten.h"
 #include "core/scene/trace.h"
 
 namespace gridcast::measure {

@@ -20,7 +20,7 @@ TEST(Scenes, EveryNameOfTheCatalogueMakesAValidScene) {
     ASSERT_FALSE(scene->data.instances.empty());
     for (const auto& mesh : scene->data.meshes) {
       EXPECT_TRUE(mesh::validate(*mesh));
-      EXPECT_GT(mesh->triangle_count(), 100U);
+      EXPECT_GT(mesh->triangle_count(), 40U);
     }
   }
 }
