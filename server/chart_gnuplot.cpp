@@ -9,9 +9,9 @@ namespace gridcast::server {
 namespace {
 
 constexpr int kMaxColumns = 4;
-constexpr int kPanelWidth_px = 350, kPanelHeight_px = 330;
-constexpr int kHead_px = 76, kLegend_px = 118;
-constexpr int kLeft_px = 86, kRight_px = 24, kFoot_px = 46;
+constexpr int kPanelWidthPx = 350, kPanelHeightPx = 330;
+constexpr int kHeadPx = 76, kLegendPx = 118;
+constexpr int kLeftPx = 86, kRightPx = 24, kFootPx = 46;
 constexpr const char* kInk = "#222222";
 constexpr const char* kFrontColor = "#999999";
 
@@ -50,25 +50,25 @@ class Page {
       : columns_(int(std::min<std::size_t>(std::max<std::size_t>(panels, 2), kMaxColumns))),
         rows_(int((std::max<std::size_t>(panels, 1) + std::size_t(columns_) - 1) / std::size_t(columns_))) {}
 
-  [[nodiscard]] int width() const { return kLeft_px + columns_ * kPanelWidth_px + kRight_px; }
-  [[nodiscard]] int height() const { return kHead_px + rows_ * kPanelHeight_px + kFoot_px + kLegend_px; }
+  [[nodiscard]] int width() const { return kLeftPx + columns_ * kPanelWidthPx + kRightPx; }
+  [[nodiscard]] int height() const { return kHeadPx + rows_ * kPanelHeightPx + kFootPx + kLegendPx; }
   [[nodiscard]] bool at_left(std::size_t panel) const { return column(panel) == 0; }
 
   /// Margins of one panel, as gnuplot wants them.
   [[nodiscard]] std::string margins(std::size_t panel) const {
-    const int left = kLeft_px + column(panel) * kPanelWidth_px;
-    const int top = height() - kHead_px - row(panel) * kPanelHeight_px;
-    return margins(left, left + kPanelWidth_px - 22, top - kPanelHeight_px + 56, top - 24);
+    const int left = kLeftPx + column(panel) * kPanelWidthPx;
+    const int top = height() - kHeadPx - row(panel) * kPanelHeightPx;
+    return margins(left, left + kPanelWidthPx - 22, top - kPanelHeightPx + 56, top - 24);
   }
   [[nodiscard]] std::string legend_margins() const {
-    return margins(kLeft_px, width() - kRight_px, 8, kLegend_px - 14);
+    return margins(kLeftPx, width() - kRightPx, 8, kLegendPx - 14);
   }
-  [[nodiscard]] double legend_width() const { return double(width() - kLeft_px - kRight_px); }
+  [[nodiscard]] double legend_width() const { return double(width() - kLeftPx - kRightPx); }
   /// A place on the page as a share of its size.
   [[nodiscard]] std::string at(double x_px, double from_top_px) const {
     return format("screen %.6f, screen %.6f", x_px / width(), 1.0 - from_top_px / height());
   }
-  [[nodiscard]] double middle_of_panels_px() const { return kHead_px + 0.5 * rows_ * kPanelHeight_px; }
+  [[nodiscard]] double middle_of_panels_px() const { return kHeadPx + 0.5 * rows_ * kPanelHeightPx; }
 
  private:
   [[nodiscard]] int column(std::size_t panel) const { return int(panel) % columns_; }
@@ -87,8 +87,8 @@ std::string head(const Chart& chart, const Page& page, PlotFormat out) {
       out == PlotFormat::kSvg ? "set terminal svg noenhanced dynamic" : "set terminal pngcairo noenhanced";
   text += format(" size %d,%d font 'sans-serif,12' background rgb 'white'\n", page.width(), page.height());
   text += format("set multiplot\nset border lc rgb '%s'\nset tics textcolor rgb '%s' nomirror\n", kInk, kInk);
-  text += "set label 1 " + quoted(chart.title) + " at " + page.at(kLeft_px, 24) + " font 'sans-serif,18'\n";
-  text += "set label 2 " + quoted(chart.subtitle) + " at " + page.at(kLeft_px, 50) + "\n";
+  text += "set label 1 " + quoted(chart.title) + " at " + page.at(kLeftPx, 24) + " font 'sans-serif,18'\n";
+  text += "set label 2 " + quoted(chart.subtitle) + " at " + page.at(kLeftPx, 50) + "\n";
   text += "set label 3 " + quoted(chart.y_title) + " at " + page.at(20, page.middle_of_panels_px()) +
           " rotate by 90 center\n";
   return text;

@@ -81,7 +81,7 @@ double lane_of(const measure::TradeoffRow& row) {
 
 std::string title_of(measure::RayClass ray_class) {
   using measure::RayClass;
-  const auto name = std::string(measure::to_string(ray_class));
+  auto name = std::string(measure::to_string(ray_class));
   switch (ray_class) {
     case RayClass::kRandom:
       return name + ": any direction";

@@ -46,6 +46,7 @@ bool needs_gnuplot(const std::string& path) {
 
 std::vector<std::string> class_names() {
   std::vector<std::string> names;
+  names.reserve(measure::kAllRayClasses.size());
   for (const measure::RayClass ray_class : measure::kAllRayClasses)
     names.emplace_back(measure::to_string(ray_class));
   return names;
