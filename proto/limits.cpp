@@ -26,6 +26,7 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"instances_per_patch", limits.instances_per_patch},
           {"binary_instances", limits.binary_instances},
           {"transaction_edits", limits.transaction_edits},
+          {"transaction_poses", limits.transaction_poses},
           {"instances_per_page", limits.instances_per_page},
           {"name_bytes", limits.name_bytes},
           {"scenes", limits.scenes},

@@ -41,6 +41,8 @@ struct Limits {
   /// In binary, where a move takes 52 or 100 bytes; all of a scene of a million instances.
   std::size_t binary_instances = std::size_t(2) << 20;
   std::size_t transaction_edits = 100'000;
+  /// Of these, poses: each looks at every node, and one may hold any number of weights and joints.
+  std::size_t transaction_poses = 100;
   std::size_t instances_per_page = 10'000;  ///< one page is about 3 MB of JSON
   std::size_t name_bytes = 256;
   std::size_t scenes = 1'000;

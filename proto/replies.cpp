@@ -9,11 +9,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Names come from files: bytes that are not UTF-8 are replaced rather than thrown at the client.
-std::string dump(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-
 Json vector_json(const Vec3d& v) {
   return Json::array({v.x, v.y, v.z});
 }
@@ -24,33 +19,34 @@ Json bounds_json(const Bounds3d& bounds) {
   return {{"lower", vector_json(bounds.lower)}, {"upper", vector_json(bounds.upper)}};
 }
 
-/// Three rows of four: see scene_request.h.
-Json transform_json(const Affine& transform) {
-  Json rows = Json::array();
-  for (int r = 0; r < 3; ++r) {
-    rows.push_back(Json::array(
-        {transform.linear[0][r], transform.linear[1][r], transform.linear[2][r], transform.translation[r]}));
-  }
-  return rows;
-}
-
 Json scene_json(const SceneInfo& info) {
-  return {{"id", info.id},
-          {"name", info.name},
-          {"scene_version", std::to_string(info.version)},
-          {"structure", info.structure},
-          {"mesh_count", info.mesh_count},
-          {"instance_count", info.instance_count},
-          {"world_triangle_count", info.world_triangle_count},
-          {"stored_triangle_count", info.stored_triangle_count},
-          {"material_count", info.material_count},
-          {"camera_count", info.camera_count},
-          {"light_count", info.light_count},
-          {"bounds", bounds_json(info.bounds)},
-          {"memory_bytes", info.memory_bytes},
-          {"import_ms", info.import_ms},
-          {"build_ms", info.build_ms},
-          {"warnings", info.warnings}};
+  Json json = {{"id", info.id},
+               {"name", info.name},
+               {"scene_version", std::to_string(info.version)},
+               {"structure", info.structure},
+               {"mesh_count", info.mesh_count},
+               {"instance_count", info.instance_count},
+               {"world_triangle_count", info.world_triangle_count},
+               {"stored_triangle_count", info.stored_triangle_count},
+               {"material_count", info.material_count},
+               {"camera_count", info.camera_count},
+               {"light_count", info.light_count},
+               {"bounds", bounds_json(info.bounds)},
+               {"memory_bytes", info.memory_bytes},
+               {"import_ms", info.import_ms},
+               {"build_ms", info.build_ms},
+               {"warnings", info.warnings}};
+  if (!info.rig) return json;
+  json["animations"] = Json::array();
+  for (const SceneInfo::Animation& animation : info.rig->animations)
+    json["animations"].push_back({{"animation_id", json["animations"].size()},
+                                  {"name", animation.name},
+                                  {"duration_s", animation.duration_s}});
+  json["skins"] = Json::array();
+  for (const SceneInfo::Skin& skin : info.rig->skins)
+    json["skins"].push_back(
+        {{"skin_id", json["skins"].size()}, {"name", skin.name}, {"joint_ids", skin.joint_ids}});
+  return json;
 }
 
 Json structure_json(const MeshStructureInfo& info) {
@@ -88,6 +84,8 @@ Json mesh_json(const MeshInfo& info) {
                {"bounds", bounds_json(info.bounds)},
                {"topology_version", info.topology_version},
                {"vertex_version", info.vertex_version},
+               {"morph_target_count", info.morph_target_count},
+               {"skin_id", info.skin_id ? Json(*info.skin_id) : Json(nullptr)},
                {"structure", structure_json(info.structure)}};
   if (info.topology) json["topology"] = topology_json(*info.topology);
   return json;
@@ -109,50 +107,63 @@ Json versioned(std::uint64_t scene_version) {
 
 }  // namespace
 
+std::string dump_json(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+Json transform_json(const Affine& transform) {
+  Json rows = Json::array();
+  for (int r = 0; r < 3; ++r) {
+    rows.push_back(Json::array(
+        {transform.linear[0][r], transform.linear[1][r], transform.linear[2][r], transform.translation[r]}));
+  }
+  return rows;
+}
+
 std::string to_json(const ServiceInfo& info) {
-  return dump({{"name", "gridcast"},
-               {"version", info.version},
-               {"instruction_set", info.instruction_set},
-               {"threads", info.threads},
-               {"structures", kStructureNames},
-               {"precisions", kPrecisionNames},
-               {"integrators", kIntegratorNames},
-               {"layers", kLayerNames},
-               {"ray_classes", kRayClassNames},
-               {"scene_media_types", {kGlbMediaType, kGltfMediaType, kJsonMediaType}},
-               {"ray_media_types", {kJsonMediaType, kRaysMediaType}},
-               {"hit_media_types", {kJsonMediaType, kHitsMediaType}},
-               {"image_media_types", {kPngMediaType, kExrMediaType}},
-               {"limits", limits_json(info.limits)}});
+  return dump_json({{"name", "gridcast"},
+                    {"version", info.version},
+                    {"instruction_set", info.instruction_set},
+                    {"threads", info.threads},
+                    {"structures", kStructureNames},
+                    {"precisions", kPrecisionNames},
+                    {"integrators", kIntegratorNames},
+                    {"layers", kLayerNames},
+                    {"ray_classes", kRayClassNames},
+                    {"scene_media_types", {kGlbMediaType, kGltfMediaType, kJsonMediaType}},
+                    {"ray_media_types", {kJsonMediaType, kRaysMediaType}},
+                    {"hit_media_types", {kJsonMediaType, kHitsMediaType}},
+                    {"image_media_types", {kPngMediaType, kExrMediaType}},
+                    {"limits", limits_json(info.limits)}});
 }
 
 std::string to_json(const SceneInfo& info) {
-  return dump(scene_json(info));
+  return dump_json(scene_json(info));
 }
 
 std::string to_json(const std::vector<SceneInfo>& scenes) {
   Json list = Json::array();
   for (const SceneInfo& info : scenes) list.push_back(scene_json(info));
-  return dump({{"scenes", std::move(list)}});
+  return dump_json({{"scenes", std::move(list)}});
 }
 
 std::string to_json(const MeshInfo& info, std::uint64_t scene_version) {
   Json json = versioned(scene_version);
   json.update(mesh_json(info));
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string to_json(const std::vector<MeshInfo>& meshes, std::uint64_t scene_version) {
   Json json = versioned(scene_version);
   json["meshes"] = Json::array();
   for (const MeshInfo& info : meshes) json["meshes"].push_back(mesh_json(info));
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string to_json(const InstanceInfo& info, std::uint64_t scene_version) {
   Json json = versioned(scene_version);
   json.update(instance_json(info));
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string to_json(const InstanceList& list) {
@@ -161,7 +172,7 @@ std::string to_json(const InstanceList& list) {
   json["instances"] = Json::array();
   for (const InstanceInfo& info : list.instances) json["instances"].push_back(instance_json(info));
   json["next_offset"] = list.next_offset ? Json(*list.next_offset) : Json(nullptr);
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string to_json(const StructureInfo& info) {
@@ -180,7 +191,7 @@ std::string to_json(const StructureInfo& info) {
                        {"build_ms", top.build_ms}};
   json["meshes"] = Json::array();
   for (const MeshStructureInfo& mesh : info.meshes) json["meshes"].push_back(structure_json(mesh));
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string to_json(const VertexReply& reply) {
@@ -190,18 +201,18 @@ std::string to_json(const VertexReply& reply) {
   json["cost_before"] = reply.cost_before;
   json["cost_after"] = reply.cost_after;
   json["ms"] = reply.ms;
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string to_json(const MovesReply& reply) {
   Json json = versioned(reply.scene_version);
   json["moved"] = reply.moved;
   json["ms"] = reply.ms;
-  return dump(json);
+  return dump_json(json);
 }
 
 std::string health_json(std::string_view status) {
-  return dump({{"status", status}});
+  return dump_json({{"status", status}});
 }
 
 }  // namespace gridcast::proto

@@ -40,6 +40,20 @@ struct SceneInfo {
   double import_ms = 0.0;  ///< reading the file
   double build_ms = 0.0;   ///< building the structures
   std::vector<std::string> warnings;
+  struct Animation {
+    std::string name;
+    double duration_s = 0.0;
+  };
+  struct Skin {
+    std::string name;
+    std::vector<std::uint32_t> joint_ids;  ///< node ids
+  };
+  /// What poses may name, by index; absent in the list of scenes.
+  struct Rig {
+    std::vector<Animation> animations;
+    std::vector<Skin> skins;
+  };
+  std::optional<Rig> rig;
 };
 
 /// A bottom-level structure, in GET structure and in a mesh.
@@ -68,6 +82,8 @@ struct MeshInfo {
   Bounds3d bounds;  ///< object space
   std::uint32_t topology_version = 0;
   std::uint32_t vertex_version = 0;
+  std::size_t morph_target_count = 0;
+  std::optional<std::uint32_t> skin_id;  ///< that the vertices follow
   /// Of GET meshes/{m} alone: absent in the list.
   struct Topology {
     bool closed = false;

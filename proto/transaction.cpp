@@ -71,6 +71,8 @@ TransactionEdit read_edit(const JsonNode& node, const Limits& limits) {
     return read(AddInstanceRequest{}, [&](auto& edit) { read_add(node, limits, edit); });
   if (op == kEditNames[1]) return read(InstanceMove{}, [&](auto& edit) { read_move(node, edit); });
   if (op == kEditNames[2]) return read(RemoveInstanceRequest{}, [&](auto& edit) { read_remove(node, edit); });
+  if (op == kEditNames[4]) return PoseEditRequest{op, read_pose_edit(node, limits)};
+  if (op == kEditNames[5]) return PoseEditRequest{op, read_weights_edit(node)};
   return read(MeshVerticesRequest{}, [&](auto& edit) { read_vertices(node, edit); });
 }
 
@@ -84,8 +86,13 @@ std::vector<TransactionEdit> read_edits(const JsonNode& node, const Limits& limi
     return edits;
   }
   edits.reserve(array->size());
+  std::size_t poses = 0;
   for (const simdjson::dom::element element : *array) {
-    edits.push_back(read_edit(node.child(element, edits.size()), limits));
+    const JsonNode child = node.child(element, edits.size());
+    edits.push_back(read_edit(child, limits));
+    if (std::holds_alternative<PoseEditRequest>(edits.back()) && ++poses > limits.transaction_poses)
+      child.fail(ProblemCode::kOutOfRange,
+                 "is one of more than " + std::to_string(limits.transaction_poses) + " poses");
     if (node.problems->any()) break;
   }
   return edits;
@@ -100,6 +107,11 @@ nlohmann::ordered_json edit_json(const EditReply& edit) {
     json["reason"] = edit.vertices->reason;
     json["cost_before"] = edit.vertices->cost_before;
     json["cost_after"] = edit.vertices->cost_after;
+  }
+  if (edit.pose) {
+    json["moved_instances"] = edit.pose->moved_instances;
+    json["meshes"] = nlohmann::ordered_json::array();
+    for (const PosedMesh& mesh : edit.pose->meshes) json["meshes"].push_back(posed_mesh_json(mesh));
   }
   return json;
 }

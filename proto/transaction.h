@@ -10,6 +10,8 @@
 
 #include "proto/limits.h"
 #include "proto/parsed.h"
+#include "proto/pose_reply.h"
+#include "proto/pose_request.h"
 #include "proto/scene_request.h"
 #include "proto/vertex_request.h"
 
@@ -22,15 +24,23 @@ struct MeshVerticesRequest {
   std::uint32_t mesh_id = kInvalidId;
   VertexRequest vertices;
 };
-using TransactionEdit =
-    std::variant<AddInstanceRequest, InstanceMove, RemoveInstanceRequest, MeshVerticesRequest>;
+/// `op` is set_pose or set_weights.
+struct PoseEditRequest {
+  std::string op;
+  PoseRequest pose;
+};
+using TransactionEdit = std::variant<AddInstanceRequest, InstanceMove, RemoveInstanceRequest,
+                                     MeshVerticesRequest, PoseEditRequest>;
 
 /// {"edits": [{"op": "add_instance", "mesh_id", "transform"?, "name"?},
 ///            {"op": "move_instance", "instance_id", "transform"},
 ///            {"op": "remove_instance", "instance_id"},
-///            {"op": "replace_vertices", "mesh_id", "positions", "vertex_ids"?, "update"?}, ...]}
-/// in the order in which they are applied; at least one, at most limits.transaction_edits. Whether ids exist
-/// is core's to say. Pointers of problems start with `/edits/INDEX`.
+///            {"op": "replace_vertices", "mesh_id", "positions", "vertex_ids"?, "update"?},
+///            {"op": "set_pose", members of a PoseRequest},
+///            {"op": "set_weights", "mesh_id", "weights", "update"?}, ...]}
+/// in the order in which they are applied; at least one, at most limits.transaction_edits, of which
+/// limits.transaction_poses poses. Whether ids exist is core's to say. Pointers of problems start with
+/// `/edits/INDEX`.
 [[nodiscard]] Parsed<std::vector<TransactionEdit>> parse_transaction(std::string_view body,
                                                                      const Limits& limits);
 
@@ -46,6 +56,11 @@ struct EditReply {
     double cost_after = 0.0;
   };
   std::optional<Vertices> vertices;  ///< of replace_vertices
+  struct Pose {
+    std::size_t moved_instances = 0;
+    std::vector<PosedMesh> meshes;  ///< that changed
+  };
+  std::optional<Pose> pose;  ///< of set_pose and set_weights
 };
 struct TransactionReply {
   std::uint64_t scene_version = 0;

@@ -16,9 +16,12 @@ inline constexpr std::array<std::string_view, 5> kBuiltStructureNames{"brute_for
                                                                       "kd_tree", "embree"};
 using gridcast::kPrecisionNames;
 inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
+/// What a pose begins with; what a time outside of an animation means.
+inline constexpr std::array<std::string_view, 2> kPoseBaseNames{"rest", "present"};
+inline constexpr std::array<std::string_view, 2> kWrapNames{"clamp", "loop"};
 /// `op` of a transaction's edits.
-inline constexpr std::array<std::string_view, 4> kEditNames{"add_instance", "move_instance",
-                                                            "remove_instance", "replace_vertices"};
+inline constexpr std::array<std::string_view, 6> kEditNames{
+    "add_instance", "move_instance", "remove_instance", "replace_vertices", "set_pose", "set_weights"};
 inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "depth", "normal", "id"};
 inline constexpr std::array<std::string_view, 6> kLayerNames{"color",       "depth",   "normal",
                                                              "instance_id", "mesh_id", "primitive_id"};

@@ -39,6 +39,7 @@ Router make_router(Api& api) {
   add_mesh_routes(router, api);
   add_instance_routes(router, api);
   add_transaction_routes(router, api);
+  add_pose_routes(router, api);
   add_ray_routes(router, api);
   add_point_routes(router, api);
   add_render_routes(router, api);
@@ -128,6 +129,19 @@ std::string within_edit(const std::string& pointer) {
 
 std::string pointer_of_one(const std::string& pointer) {
   return pointer.starts_with(kEdits) ? within_edit(pointer) : pointer;
+}
+
+Problem in_body(Problem problem) {
+  if (problem.code == ProblemCode::kInstanceNotFound || problem.code == ProblemCode::kMeshNotFound)
+    problem.code = ProblemCode::kInvalidValue;
+  return problem;
+}
+
+std::variant<std::uint32_t, Problem> open_mesh(const scene::Scene& scene, const HttpRequest& request) {
+  const auto id = parse_id(request.capture("m"));
+  if (!id || *id >= scene.mesh_count())
+    return Problem{ProblemCode::kMeshNotFound, "there is no such mesh", ""};
+  return *id;
 }
 
 std::string pointer_of_moves(const std::string& pointer) {

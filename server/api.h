@@ -43,6 +43,7 @@ void add_scene_routes(Router& router, Api& api);
 void add_mesh_routes(Router& router, Api& api);
 void add_instance_routes(Router& router, Api& api);
 void add_transaction_routes(Router& router, Api& api);
+void add_pose_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
 void add_point_routes(Router& router, Api& api);
 void add_render_routes(Router& router, Api& api);
@@ -98,5 +99,13 @@ class Timing {
 /// "/rest" for a single edit, "/moves/7/rest" for a list. Core's world_from_object is the wire's transform.
 [[nodiscard]] std::string pointer_of_one(const std::string& pointer);
 [[nodiscard]] std::string pointer_of_moves(const std::string& pointer);
+
+/// Of edits in a body: the scene is there, and what an edit names inside of it and is not there makes the
+/// body invalid.
+[[nodiscard]] proto::Problem in_body(proto::Problem problem);
+
+/// The mesh of the path's {m}.
+[[nodiscard]] std::variant<std::uint32_t, proto::Problem> open_mesh(const scene::Scene& scene,
+                                                                    const HttpRequest& request);
 
 }  // namespace gridcast::server

@@ -3,6 +3,8 @@
 #include <utility>
 
 #include "core/mesh/topology.h"
+#include "core/scene/animation.h"
+#include "core/scene/pose.h"
 
 namespace gridcast::server {
 namespace {
@@ -12,6 +14,18 @@ std::vector<std::size_t> instances_per_mesh(const scene::Scene& scene) {
   for (std::size_t i = 0; i < scene.instance_slots(); ++i)
     if (const scene::Instance* instance = scene.find_instance(std::uint32_t(i))) ++counts[instance->mesh_id];
   return counts;
+}
+
+proto::SceneInfo::Rig rig_info(const scene::SceneData& data) {
+  proto::SceneInfo::Rig rig;
+  for (const scene::Animation& animation : data.animations)
+    rig.animations.push_back({animation.name, duration_s(animation)});
+  for (const scene::Skin& skin : data.skins) {
+    auto& info = rig.skins.emplace_back();
+    info.name = skin.name;
+    for (const std::uint32_t joint : skin.joints) info.joint_ids.push_back(node_id(data, joint));
+  }
+  return rig;
 }
 
 proto::MeshInfo mesh_info_without_topology(const scene::Scene& scene, std::uint32_t mesh_id,
@@ -26,6 +40,11 @@ proto::MeshInfo mesh_info_without_topology(const scene::Scene& scene, std::uint3
   info.bounds = to_double(scene.blas(mesh_id).bounds());
   info.topology_version = mesh.topology_version;
   info.vertex_version = mesh.vertex_version;
+  if (mesh_id < scene.rig().meshes.size()) {
+    const scene::RigMesh& rigged = scene.rig().meshes[mesh_id];
+    info.morph_target_count = rigged.weights.size();
+    if (rigged.skin_id != kInvalidId) info.skin_id = rigged.skin_id;
+  }
   info.structure = mesh_structure_info(scene, mesh_id);
   return info;
 }
@@ -50,6 +69,7 @@ proto::SceneInfo scene_info(const std::string& id, const SceneOrigin& origin, co
   info.import_ms = origin.import_ms;
   info.build_ms = origin.build_ms;
   info.warnings = scene.data().warnings;
+  info.rig = rig_info(scene.data());
   return info;
 }
 

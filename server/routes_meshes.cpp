@@ -11,14 +11,6 @@ namespace {
 using proto::Problem;
 using proto::ProblemCode;
 
-/// The mesh of the path's {m}.
-std::variant<std::uint32_t, Problem> open_mesh(const scene::Scene& scene, const HttpRequest& request) {
-  const auto id = parse_id(request.capture("m"));
-  if (!id || *id >= scene.mesh_count())
-    return Problem{ProblemCode::kMeshNotFound, "there is no such mesh", ""};
-  return *id;
-}
-
 HttpResponse list_meshes(Api& api, const HttpRequest& request) {
   if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
   auto opened = open_scene(api, request);

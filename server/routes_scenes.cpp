@@ -82,8 +82,10 @@ HttpResponse create_scene(Api& api, const HttpRequest& request, Cancellation& ca
 HttpResponse list_scenes(Api& api, const HttpRequest& request) {
   if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
   std::vector<proto::SceneInfo> infos;
-  for (const auto& named : api.store.list())
+  for (const auto& named : api.store.list()) {
     infos.push_back(scene_info(named->id(), named->origin(), *named->snapshot()));
+    infos.back().rig.reset();
+  }
   return {200, std::string(proto::kJsonMediaType), to_json(infos), {}};
 }
 

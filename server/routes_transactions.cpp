@@ -2,6 +2,7 @@
 #include "proto/transaction.h"
 #include "proto/vocabulary.h"
 #include "server/api.h"
+#include "server/pose_edit.h"
 #include "server/problem.h"
 
 namespace gridcast::server {
@@ -25,6 +26,7 @@ struct ToSceneEdit {
                                   std::move(edit.vertices.vertex_ids),
                                   scene::parse_update_mode(edit.vertices.update).value()};
   }
+  scene::SceneEdit operator()(proto::PoseEditRequest& edit) const { return pose_edit(std::move(edit.pose)); }
 };
 
 /// Core's names of an edit's members are the wire's, but for two.
@@ -36,37 +38,40 @@ std::string pointer_of_edits(const std::string& pointer) {
   return wire;
 }
 
-/// The replies of the edits, in their order; the report's lists hold those of their kind in the same order.
+/// The replies of the edits, in their order (`pose_names` are the poses' own); the report's lists hold those
+/// of their kind in the same order.
 std::vector<proto::EditReply> edit_replies(const std::vector<scene::SceneEdit>& edits,
+                                           const std::vector<std::string>& pose_names,
                                            const scene::UpdateReport& report) {
   std::vector<proto::EditReply> replies;
   replies.reserve(edits.size());
   auto added = report.added_instances.begin();
   auto mesh = report.meshes.begin();
+  auto pose = report.poses.begin();
   for (const scene::SceneEdit& edit : edits) {
     proto::EditReply reply;
     if (const auto* add = std::get_if<scene::AddInstance>(&edit)) {
-      reply = {std::string(proto::kEditNames[0]), *added++, add->mesh_id, std::nullopt};
+      reply = {std::string(proto::kEditNames[0]), *added++, add->mesh_id, std::nullopt, std::nullopt};
     } else if (const auto* move = std::get_if<scene::MoveInstance>(&edit)) {
-      reply = {std::string(proto::kEditNames[1]), move->instance_id, std::nullopt, std::nullopt};
+      reply = {std::string(proto::kEditNames[1]), move->instance_id, std::nullopt, std::nullopt,
+               std::nullopt};
     } else if (const auto* removed = std::get_if<scene::RemoveInstance>(&edit)) {
-      reply = {std::string(proto::kEditNames[2]), removed->instance_id, std::nullopt, std::nullopt};
+      reply = {std::string(proto::kEditNames[2]), removed->instance_id, std::nullopt, std::nullopt,
+               std::nullopt};
+    } else if (std::holds_alternative<scene::SetPose>(edit)) {
+      reply.op = pose_names[std::size_t(pose - report.poses.begin())];
+      reply.pose = {pose->moved_instances, posed_meshes(pose->meshes)};
+      ++pose;
     } else {
       reply = {std::string(proto::kEditNames[3]), std::nullopt, mesh->mesh_id,
                proto::EditReply::Vertices{std::string(to_string(mesh->action)), mesh->reason,
-                                          mesh->cost_before, mesh->cost_after}};
+                                          mesh->cost_before, mesh->cost_after},
+               std::nullopt};
       ++mesh;
     }
     replies.push_back(std::move(reply));
   }
   return replies;
-}
-
-/// The scene is there; what an edit names inside of it and is not there makes the body invalid.
-Problem in_body(Problem problem) {
-  if (problem.code == ProblemCode::kInstanceNotFound || problem.code == ProblemCode::kMeshNotFound)
-    problem.code = ProblemCode::kInvalidValue;
-  return problem;
 }
 
 HttpResponse post_transaction(Api& api, const HttpRequest& request, Cancellation& cancellation) {
@@ -78,7 +83,11 @@ HttpResponse post_transaction(Api& api, const HttpRequest& request, Cancellation
   if (!parsed) return problem_response(parsed.problem());
   std::vector<scene::SceneEdit> edits;
   edits.reserve(parsed->size());
-  for (proto::TransactionEdit& edit : *parsed) edits.push_back(std::visit(ToSceneEdit{}, edit));
+  std::vector<std::string> pose_names;
+  for (proto::TransactionEdit& edit : *parsed) {
+    if (const auto* pose = std::get_if<proto::PoseEditRequest>(&edit)) pose_names.push_back(pose->op);
+    edits.push_back(std::visit(ToSceneEdit{}, edit));
+  }
   timing.mark("parse");
   const auto permit = api.update_gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
@@ -89,9 +98,10 @@ HttpResponse post_transaction(Api& api, const HttpRequest& request, Cancellation
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
   const std::uint64_t version = updated.scene->version();
-  HttpResponse response = versioned_json(
-      to_json(proto::TransactionReply{version, edit_replies(edits, updated.report), updated.report.ms}),
-      version);
+  HttpResponse response =
+      versioned_json(to_json(proto::TransactionReply{version, edit_replies(edits, pose_names, updated.report),
+                                                     updated.report.ms}),
+                     version);
   return response.with("Server-Timing", timing.header());
 }
 

@@ -324,6 +324,27 @@ class Scene:
         """
         return self._json("POST", "/transactions", {"edits": edits}, if_version=if_version)
 
+    def pose(self, offset=0):
+        """The present pose: {"animation", "nodes": a page of them, "next_offset", "skins", "weights", ...}."""
+        return self._json("GET", f"/pose?offset={int(offset)}")
+
+    def set_pose(self, animation=None, time_s=None, if_version=None, **members):
+        """Puts the scene into a pose, in one version: by an animation (its name, or its index) at a time, and by
+        `nodes`, `skins`, `weights`, over the rest pose or, with base="present", over what is there.
+
+        Returns {"moved_instances", "meshes": [{"mesh_id", "action", ...}], ...}.
+        """
+        if animation is not None:
+            members["animation" if isinstance(animation, str) else "animation_id"] = animation
+        if time_s is not None:
+            members["time_s"] = float(time_s)
+        return self._json("PUT", "/pose", members, if_version=if_version)
+
+    def set_weights(self, mesh_id, weights, if_version=None):
+        """New weights of the mesh's morph targets; all else of the pose stays."""
+        body = {"weights": np.asarray(weights, float).tolist()}
+        return self._json("PUT", f"/meshes/{mesh_id}/weights", body, if_version=if_version)
+
     def fork(self, name=None, if_version=None):
         """A copy of the scene at its version, which goes its own way."""
         headers = {} if if_version is None else {"If-Match": f'"{if_version}"'}

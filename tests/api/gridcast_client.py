@@ -114,6 +114,9 @@ class Client:
     def post(self, path, body=None, content_type=None, **more):
         return self.call("POST", path, body, content_type, **more)
 
+    def put(self, path, body=None, content_type=None, **more):
+        return self.call("PUT", path, body, content_type, **more)
+
     def patch(self, path, body=None, content_type=None, **more):
         return self.call("PATCH", path, body, content_type, **more)
 
@@ -136,6 +139,9 @@ class Scene:
 
     def post(self, below, body=None, content_type=None, **more):
         return self.client.post(self.path + below, body, content_type, **more)
+
+    def put(self, below, body=None, content_type=None, **more):
+        return self.client.put(self.path + below, body, content_type, **more)
 
     def patch(self, below, body=None, content_type=None, **more):
         return self.client.patch(self.path + below, body, content_type, **more)

@@ -104,3 +104,68 @@ def random_rays(count, seed=7, reach=12.0, dtype="<f8"):
     origins *= reach / np.linalg.norm(origins, axis=1, keepdims=True)
     targets = random.uniform(-4, 4, size=(count, 3))
     return np.hstack([origins, targets - origins]).astype(dtype)
+
+
+class Document:
+    """A glTF document to which accessors are added, one buffer view each."""
+
+    def __init__(self, meshes, nodes):
+        self.gltf, self.binary = document(meshes, nodes)
+
+    def add(self, values, kind, component=5126):
+        """The index of a new accessor of `kind` (SCALAR, VEC3, VEC4, MAT4) over an array."""
+        self.binary += b"\0" * (-len(self.binary) % 4)
+        self.gltf["bufferViews"].append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": values.nbytes})
+        self.binary += values.tobytes()
+        flat = values.reshape(len(values), -1)
+        self.gltf["accessors"].append({"bufferView": len(self.gltf["bufferViews"]) - 1, "componentType": component,
+                                       "count": len(values), "type": kind, "min": flat.min(axis=0).tolist(),
+                                       "max": flat.max(axis=0).tolist()})
+        return len(self.gltf["accessors"]) - 1
+
+    def animate(self, name, node, path, times, values, kind):
+        """An animation of one linear channel."""
+        sampler = {"input": self.add(np.array(times, "<f4"), "SCALAR"), "output": self.add(np.array(values, "<f4"), kind)}
+        self.gltf.setdefault("animations", []).append(
+            {"name": name, "samplers": [sampler],
+             "channels": [{"sampler": 0, "target": {"node": node, "path": path}}]})
+
+    def glb(self):
+        self.gltf["buffers"] = [{"byteLength": len(self.binary)}]
+        return pack(self.gltf, self.binary)
+
+
+def moving():
+    """A bar of two joints (skin `bones`), a box with two morph targets, and a box that only slides.
+
+    Nodes: 0 bar, 1 hip, 2 knee (child of 1, one up), 3 morphed, 4 slider. Animations: `bend` turns the knee by 90
+    degrees about z in a second, `slide` moves node 4 from 0 to 5 along x in two, `swell` takes target 0 to 1.
+    """
+    corners, faces = box(0.5)
+    bar = corners * np.array([0.4, 4, 0.4], "<f4") + np.array([0, 2, 0], "<f4")  # y from 0 to 4
+    doc = Document([(bar.astype("<f4"), faces), box(0.5), box(0.5)],
+                   [{"name": "bar", "mesh": 0, "skin": 0}, {"name": "hip", "children": [2]},
+                    {"name": "knee", "translation": [0, 1, 0]},
+                    {"name": "morphed", "mesh": 1, "translation": [10, 0, 0]},
+                    {"name": "slider", "mesh": 2, "translation": [0, 0, 20]}])
+    doc.gltf["scenes"] = [{"nodes": [0, 1, 3, 4]}]
+    upper = bar[:, 1] > 1
+    joints = np.zeros((8, 4), "<u2")
+    joints[upper, 0] = 1
+    weights = np.zeros((8, 4), "<f4")
+    weights[:, 0] = 1
+    unbind = np.tile(np.eye(4, dtype="<f4"), (2, 1, 1))
+    unbind[1, 1, 3] = -1
+    columns = np.ascontiguousarray(unbind.transpose(0, 2, 1))
+    doc.gltf["meshes"][0]["primitives"][0]["attributes"] |= {"JOINTS_0": doc.add(joints, "VEC4", 5123),
+                                                             "WEIGHTS_0": doc.add(weights, "VEC4")}
+    doc.gltf["skins"] = [{"name": "bones", "joints": [1, 2], "inverseBindMatrices": doc.add(columns, "MAT4")}]
+    raised = np.where(corners[:, 1:2] > 0, [[0, 2, 0]], [[0, 0, 0]]).astype("<f4")
+    pushed = np.where(corners[:, 0:1] > 0, [[3, 0, 0]], [[0, 0, 0]]).astype("<f4")
+    morphed = doc.gltf["meshes"][1]
+    morphed["primitives"][0]["targets"] = [{"POSITION": doc.add(raised, "VEC3")}, {"POSITION": doc.add(pushed, "VEC3")}]
+    half = np.sqrt(0.5)
+    doc.animate("bend", 2, "rotation", [0, 1], [[0, 0, 0, 1], [0, 0, half, half]], "VEC4")
+    doc.animate("slide", 4, "translation", [0, 2], [[0, 0, 20], [5, 0, 20]], "VEC3")
+    doc.animate("swell", 3, "weights", [0, 1], [0, 0, 1, 0], "SCALAR")
+    return doc.glb()

@@ -37,13 +37,16 @@ def test_the_contracts_answers_fit_their_own_schemas(schema, value):
 
 @pytest.fixture
 def stage(load):
-    """A scene that every example of the contract makes sense in: enough instances, vertices and cameras."""
-    return load(models.row_of_spheres(), name="stage")
+    """Scenes that the examples of the contract make sense in: enough instances and vertices; a rig."""
+    load(models.row_of_spheres(), name="stage")
+    load(models.moving(), name="rig")
 
 
 @pytest.mark.parametrize("method, template, kind, value", request_examples())
 def test_the_contracts_requests_are_taken(client, stage, method, template, kind, value):
-    path = template.replace("{scene}", "stage").replace("{mesh}", "0").replace("{instance}", "0")
+    posed = template.endswith(("/pose", "/weights"))
+    path = template.replace("{scene}", "rig" if posed else "stage").replace("{instance}", "0")
+    path = path.replace("{mesh}", "1" if posed else "0")
     reply = client.call(method, path, json.dumps(value), kind)
     assert 200 <= reply.status < 300, reply
     if template == "/v1/scenes":
