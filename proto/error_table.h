@@ -52,6 +52,9 @@ enum class ProblemCode : std::uint8_t {
   // the server
   kLimitExceeded,
   kTooManyScenes,
+  kStorageFull,
+  kStorageFailed,
+  kSceneDamaged,
   kTooManyJobs,
   kDeadlineExceeded,
   kCancelled,

@@ -141,10 +141,12 @@ std::string to_json(const SceneInfo& info) {
   return dump_json(scene_json(info));
 }
 
-std::string to_json(const std::vector<SceneInfo>& scenes) {
+std::string to_json(const std::vector<SceneInfo>& scenes, const std::vector<std::string>& damaged) {
   Json list = Json::array();
   for (const SceneInfo& info : scenes) list.push_back(scene_json(info));
-  return dump_json({{"scenes", std::move(list)}});
+  Json json{{"scenes", std::move(list)}};
+  if (!damaged.empty()) json["damaged"] = damaged;
+  return dump_json(json);
 }
 
 std::string to_json(const MeshInfo& info, std::uint64_t scene_version) {

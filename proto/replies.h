@@ -153,7 +153,8 @@ struct MovesReply {
 
 [[nodiscard]] std::string to_json(const ServiceInfo& info);
 [[nodiscard]] std::string to_json(const SceneInfo& info);
-[[nodiscard]] std::string to_json(const std::vector<SceneInfo>& scenes);  ///< {"scenes": [...]}
+[[nodiscard]] std::string to_json(const std::vector<SceneInfo>& scenes,
+                                  const std::vector<std::string>& damaged = {});  ///< {"scenes": [...]}
 [[nodiscard]] std::string to_json(const MeshInfo& info, std::uint64_t scene_version);
 /// {"scene_version", "meshes": [...]}
 [[nodiscard]] std::string to_json(const std::vector<MeshInfo>& meshes, std::uint64_t scene_version);

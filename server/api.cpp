@@ -24,9 +24,11 @@ std::size_t job_workers(std::size_t threads) {
 
 }  // namespace
 
-Api::Api(const proto::Limits& limits_in_force, std::size_t thread_count)
+Api::Api(const proto::Limits& limits_in_force, std::size_t thread_count,
+         std::unique_ptr<store::SceneArchive> scene_archive)
     : limits(limits_in_force),
-      store(limits.scenes),
+      archive(std::move(scene_archive)),
+      store(limits.scenes, archive.get()),
       gate(thread_count + 1),
       update_gate(thread_count + 1),
       threads(thread_count),
@@ -50,7 +52,7 @@ Router make_router(Api& api) {
 
 std::variant<OpenScene, Problem> open_scene(const Api& api, const HttpRequest& request) {
   auto named = api.store.find(request.capture("s"));
-  if (!named) return Problem{ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
+  if (!named) return api.store.why_missing(request.capture("s"));
   auto snapshot = named->snapshot();
   return OpenScene{std::move(named), std::move(snapshot)};
 }

@@ -22,7 +22,8 @@ namespace gridcast::server {
 
 struct Api {
   proto::Limits limits;
-  SceneStore store{1};
+  std::unique_ptr<store::SceneArchive> archive;  ///< null: scenes live in memory alone
+  SceneStore store;
   Metrics metrics;
   WorkGate gate{1};  ///< queries, builds, jobs
   /// Updates that refit or build: apart from `gate`, so that none waits for a query.
@@ -35,7 +36,8 @@ struct Api {
   std::atomic<std::size_t> event_streams{0};  ///< open now
   Jobs jobs;                                  // last: its workers use the rest
 
-  Api(const proto::Limits& limits_in_force, std::size_t thread_count);
+  Api(const proto::Limits& limits_in_force, std::size_t thread_count,
+      std::unique_ptr<store::SceneArchive> scene_archive = nullptr);
 };
 
 void add_meta_routes(Router& router, Api& api);

@@ -24,11 +24,15 @@ Prints 'listening on http://HOST:PORT' on stdout once it does. The contract is a
 /healthz/live and /healthz/ready, Prometheus' metrics at /metrics. Ctrl-C or SIGTERM lets requests at work finish;
 a second one ends at once.
 
+With --data-dir an upload, an update or a deletion is answered when it is on disk: no crash and no loss of power takes
+it back. Jobs are not kept. One server has one data folder. Without it scenes go when the program ends.
+
 There is no authentication yet: whoever reaches the port may do everything. It listens on the loopback address
 unless --allow-public is given as well.
 
 Examples:
   gridcast serve --port 8080 --load engine=engine.glb
+  gridcast serve --port 8080 --data-dir /var/lib/gridcast
   curl -s --data-binary @engine.glb -H 'Content-Type: model/gltf-binary' 'http://127.0.0.1:8080/v1/scenes?name=engine'
   curl -s http://127.0.0.1:8080/v1/scenes/engine/rays/closest -H 'Content-Type: application/json' \
        -d '{"origins": [[0,0,900]], "directions": [[0,0,-1]]}')";
@@ -45,6 +49,9 @@ struct ServeOptions {
   std::string log_level = "info";
   std::string log_format = "text";
   bool allow_public = false;
+  std::string data_folder;  ///< empty: scenes live in memory alone
+  bool ephemeral = false;
+  store::ArchiveOptions archive;
 };
 
 /// Large blocks go back to the system when they are freed, and many threads share a few heaps: else memory of
@@ -95,6 +102,7 @@ class ServeCommand final : public Command {
         ->capture_default_str()
         ->check(CLI::Range(0, 65535));
     app.add_option("--load", options_.load, "Load a scene before serving: NAME=FILE.glb (repeatable)");
+    add_storage_options(app);
     app.add_option("--threads", options_.threads, "Threads for builds, rays and pictures; 0 = every core")
         ->capture_default_str()
         ->check(CLI::Range(0, 4096));
@@ -135,13 +143,43 @@ class ServeCommand final : public Command {
     // Each stream holds a connection's thread: most of them stay free for requests.
     options_.limits.event_streams = std::min(options_.limits.event_streams,
                                              std::max<std::size_t>(1, options_.http.connection_threads / 4));
-    Api api(options_.limits, limit.threads());
-    std::atomic<bool> loaded{options_.load.empty()};
+    auto archive = open_archive();
+    if (!archive) return report("serve", archive.error());
+    const bool is_empty = *archive == nullptr && options_.load.empty();
+    Api api(options_.limits, limit.threads(), std::move(archive).value());
+    std::atomic<bool> loaded{is_empty};
     api.ready = [&] { return loaded && !stop.stop_requested(); };
     return serve(api, loaded, stop);
   }
 
  private:
+  void add_storage_options(CLI::App& app) {
+    const char* group = "Storage";
+    CLI::Option* folder =
+        app.add_option("--data-dir", options_.data_folder,
+                       "Folder that keeps the scenes: they survive restarts, crashes and power "
+                       "loss; made when missing")
+            ->group(group);
+    app.add_flag("--ephemeral", options_.ephemeral,
+                 "Keep scenes in memory alone, nothing on disk (the default)")
+        ->excludes(folder)
+        ->group(group);
+    app.add_option("--compact-bytes", options_.archive.log_bytes,
+                   "Updates of a scene that are folded into a new snapshot when they take more than this and "
+                   "than its last snapshot")
+        ->capture_default_str()
+        ->needs(folder)
+        ->group(group);
+  }
+
+  /// Null for scenes in memory alone.
+  Result<std::unique_ptr<store::SceneArchive>> open_archive() const {
+    if (!options_.data_folder.empty())
+      return store::SceneArchive::open(options_.data_folder, options_.archive);
+    if (!options_.ephemeral) log_info("scenes live in memory alone; --data-dir DIR keeps them");
+    return std::unique_ptr<store::SceneArchive>();
+  }
+
   int serve(Api& api, std::atomic<bool>& loaded, const std::stop_token& stop) {
     options_.http.deadline = std::chrono::milliseconds(std::int64_t(options_.limits.deadline_ms));
     HttpServer http(make_router(api), options_.http, [&api](const RequestRecord& record) {
@@ -173,9 +211,17 @@ class ServeCommand final : public Command {
   }
 
   int load_all(Api& api, const std::stop_token& stop) {
+    if (api.archive) {
+      api.store.restore(stop, [](const DamagedScene& scene) { log_error("not served: " + scene.detail); });
+      log_info("restored " + std::to_string(api.store.list().size()) + " scenes");
+    }
     for (const std::string& item : options_.load) {
       const std::size_t equals = item.find('=');
       const std::string name = item.substr(0, equals);
+      if (api.archive && api.store.find(name) != nullptr) {
+        log_info("kept " + name + " as it is stored");
+        continue;
+      }
       LoadOptions load;
       load.stop = stop;
       auto scene = load_scene_file(item.substr(equals + 1), load);

@@ -24,6 +24,11 @@ prometheus::Family<prometheus::Counter>& counter(prometheus::Registry& registry,
   return prometheus::BuildCounter().Name(name).Help(help).Register(registry);
 }
 
+/// Counters that are counted elsewhere: brought up to what they are there.
+void bring_up(prometheus::Counter& counter, std::uint64_t total) {
+  counter.Increment(double(total) - counter.Value());
+}
+
 }  // namespace
 
 struct Metrics::Families {
@@ -60,6 +65,16 @@ struct Metrics::Families {
       counter(registry, "gridcast_jobs_ended_total", "Jobs that have ended, by state");
   prometheus::Counter& jobs_refused =
       counter(registry, "gridcast_jobs_refused_total", "Jobs refused because the queue was full").Add({});
+  prometheus::Gauge& damaged =
+      gauge(registry, "gridcast_scenes_damaged", "Stored scenes that cannot be served").Add({});
+  prometheus::Counter& store_commits =
+      counter(registry, "gridcast_store_commits_total", "Transactions made durable").Add({});
+  prometheus::Counter& store_failures =
+      counter(registry, "gridcast_store_failures_total", "Changes that could not be stored").Add({});
+  prometheus::Counter& store_compactions =
+      counter(registry, "gridcast_store_compactions_total", "Logs of updates folded into a snapshot").Add({});
+  prometheus::Counter& store_bytes =
+      counter(registry, "gridcast_store_written_bytes_total", "Written to the data folder's files").Add({});
   prometheus::Gauge& job_results =
       gauge(registry, "gridcast_job_result_bytes", "Results of jobs that are kept").Add({});
 };
@@ -98,10 +113,6 @@ void Metrics::count_update(const scene::UpdateReport& report) {
 void Metrics::set_jobs(const JobCounts& jobs) {
   families_->jobs.Add({{"state", "queued"}}).Set(double(jobs.queued));
   families_->jobs.Add({{"state", "running"}}).Set(double(jobs.running));
-  // Counters that are counted elsewhere: brought up to what they are there.
-  const auto bring_up = [](prometheus::Counter& counter, std::uint64_t total) {
-    counter.Increment(double(total) - counter.Value());
-  };
   for (const JobState state : {JobState::kDone, JobState::kFailed, JobState::kCancelled})
     bring_up(families_->jobs_ended.Add({{"state", std::string(to_string(state))}}),
              jobs.ended[std::size_t(state)]);
@@ -109,8 +120,18 @@ void Metrics::set_jobs(const JobCounts& jobs) {
   families_->job_results.Set(double(jobs.result_bytes));
 }
 
-std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, std::size_t requests_in_flight) {
+void Metrics::set_archive(const store::ArchiveCounts& counts) {
+  bring_up(families_->store_commits, counts.commits);
+  bring_up(families_->store_failures, counts.failures);
+  bring_up(families_->store_compactions, counts.compactions);
+  bring_up(families_->store_bytes, counts.bytes_written);
+}
+
+std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, const store::ArchiveCounts& archive,
+                          std::size_t requests_in_flight) {
   set_jobs(jobs);
+  set_archive(archive);
+  families_->damaged.Set(double(store.damaged().size()));
   const auto scenes = store.list();
   double versions = 0;
   double instances = 0;

@@ -27,10 +27,11 @@ class Metrics {
 
   /// Gauges are read from the store and the jobs now.
   [[nodiscard]] std::string text(const SceneStore& store, const JobCounts& jobs,
-                                 std::size_t requests_in_flight);
+                                 const store::ArchiveCounts& archive, std::size_t requests_in_flight);
 
  private:
   void set_jobs(const JobCounts& jobs);
+  void set_archive(const store::ArchiveCounts& counts);
 
   struct Families;
   std::unique_ptr<Families> families_;

@@ -33,10 +33,13 @@ void add_meta_routes(Router& router, Api& api) {
                 return problem_response({proto::ProblemCode::kNotReady, "scenes are still being loaded", ""});
               })});
   router.add({"GET", "/metrics", {}, plain([&api] {
-                return HttpResponse{200,
-                                    "text/plain; version=0.0.4; charset=utf-8",
-                                    api.metrics.text(api.store, api.jobs.counts(), api.requests_in_flight()),
-                                    {}};
+                return HttpResponse{
+                    200,
+                    "text/plain; version=0.0.4; charset=utf-8",
+                    api.metrics.text(api.store, api.jobs.counts(),
+                                     api.archive ? api.archive->counts() : store::ArchiveCounts{},
+                                     api.requests_in_flight()),
+                    {}};
               })});
   router.add({"GET", "/openapi.json", {}, plain([] { return json(std::string(proto::openapi_json())); })});
 }

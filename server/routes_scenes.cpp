@@ -86,7 +86,7 @@ HttpResponse list_scenes(Api& api, const HttpRequest& request) {
     infos.push_back(scene_info(named->id(), named->origin(), *named->snapshot()));
     infos.back().rig.reset();
   }
-  return {200, std::string(proto::kJsonMediaType), to_json(infos), {}};
+  return {200, std::string(proto::kJsonMediaType), to_json(infos, api.store.damaged()), {}};
 }
 
 HttpResponse get_scene(Api& api, const HttpRequest& request) {

@@ -12,6 +12,22 @@ namespace gridcast::server {
 using proto::Problem;
 using proto::ProblemCode;
 
+namespace {
+
+Problem no_scene() {
+  return {ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
+}
+
+/// The operator's log says why.
+Problem not_stored(const Error& error) {
+  if (error.code == ErrorCode::kNotFound) return no_scene();
+  if (error.code == ErrorCode::kLimitExceeded)
+    return {ProblemCode::kStorageFull, "the server's disk is full; nothing was changed", ""};
+  return {ProblemCode::kStorageFailed, "the server's disk failed; nothing was changed", ""};
+}
+
+}  // namespace
+
 std::shared_ptr<const scene::Scene> NamedScene::snapshot() const {
   const std::lock_guard lock(pointer_);
   return current_;
@@ -21,10 +37,15 @@ std::variant<scene::UpdateResult, Problem, Error> NamedScene::update(
     std::string_view if_match, const std::vector<scene::SceneEdit>& edits, const std::stop_token& stop) {
   const auto turn = writing_.enter(stop);
   if (!turn) return Error{ErrorCode::kCancelled, "stopped before its turn came", ""};
+  if (erased_) return no_scene();
   const std::shared_ptr<const scene::Scene> before = snapshot();
   if (auto problem = check_if_match(if_match, before->version())) return std::move(*problem);
   Result<scene::UpdateResult> updated = apply_update(*before, edits);
   if (!updated) return updated.error();
+  if (stored_.archive != nullptr) {
+    const Status stored = stored_.archive->append(stored_.key, *before, updated->scene);
+    if (!stored) return not_stored(stored.error());
+  }
   const std::lock_guard lock(pointer_);
   current_ = updated->scene;
   std::erase_if(versions_, [](const auto& version) { return version.expired(); });
@@ -70,47 +91,139 @@ std::optional<Problem> SceneStore::check_new(std::string_view id) const {
   return std::nullopt;
 }
 
-std::variant<std::shared_ptr<NamedScene>, Problem> SceneStore::create(
-    std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin) {
+std::variant<std::string, Problem> SceneStore::reserve(std::string id) {
   if (auto problem = check_new(id)) return std::move(*problem);
   const std::lock_guard lock(mutex_);
   while (id.empty()) {
-    std::string next = std::string("s").append(std::to_string(next_id_++));
+    std::string next = std::string("s").append(std::to_string(next_number_++));
     if (scenes_.find(next) == scenes_.end()) id = std::move(next);
   }
-  auto scene = std::make_shared<NamedScene>(id, std::move(first), std::move(origin));
   // Another request may have taken the name since check_new.
-  if (!scenes_.emplace(id, scene).second)
+  if (!scenes_.emplace(id, Entry{}).second)
     return Problem{ProblemCode::kNameTaken, "a scene of this name exists", "?name"};
+  return id;
+}
+
+void SceneStore::settle(const std::string& id, Entry entry) {
+  const std::lock_guard lock(mutex_);
+  scenes_[id] = std::move(entry);
+}
+
+std::variant<std::shared_ptr<NamedScene>, Problem> SceneStore::create(
+    std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin) {
+  auto reserved = reserve(std::move(id));
+  if (auto* problem = std::get_if<Problem>(&reserved)) return std::move(*problem);
+  const std::string& name = std::get<std::string>(reserved);
+  std::int64_t key = 0;
+  if (archive_ != nullptr) {
+    const std::uint64_t next_number = [this] {
+      const std::lock_guard lock(mutex_);
+      return next_number_;
+    }();
+    const auto stored = archive_->create(name, origin, *first, next_number);
+    if (!stored) {
+      const std::lock_guard lock(mutex_);
+      scenes_.erase(name);
+      return not_stored(stored.error());
+    }
+    key = *stored;
+  }
+  auto scene = std::make_shared<NamedScene>(name, std::move(first), std::move(origin),
+                                            NamedScene::Stored{archive_, key});
+  settle(name, {State::kServed, scene, key});
   return scene;
 }
 
 std::shared_ptr<NamedScene> SceneStore::find(std::string_view id) const {
   const std::lock_guard lock(mutex_);
   const auto found = scenes_.find(id);
-  return found == scenes_.end() ? nullptr : found->second;
+  return found == scenes_.end() ? nullptr : found->second.scene;
+}
+
+Problem SceneStore::why_missing(std::string_view id) const {
+  const std::lock_guard lock(mutex_);
+  const auto found = scenes_.find(id);
+  if (found != scenes_.end() && found->second.state == State::kStored)
+    return {ProblemCode::kNotReady, "the scene is still being restored", ""};
+  if (found != scenes_.end() && found->second.state == State::kDamaged)
+    return {ProblemCode::kSceneDamaged, "what is stored of the scene is damaged; the server's log says more",
+            ""};
+  return no_scene();
 }
 
 std::vector<std::shared_ptr<NamedScene>> SceneStore::list() const {
   const std::lock_guard lock(mutex_);
   std::vector<std::shared_ptr<NamedScene>> scenes;
   scenes.reserve(scenes_.size());
-  for (const auto& [id, scene] : scenes_) scenes.push_back(scene);
+  for (const auto& [id, entry] : scenes_)
+    if (entry.scene) scenes.push_back(entry.scene);
   return scenes;
+}
+
+std::vector<std::string> SceneStore::damaged() const {
+  const std::lock_guard lock(mutex_);
+  std::vector<std::string> ids;
+  for (const auto& [id, entry] : scenes_)
+    if (entry.state == State::kDamaged) ids.push_back(id);
+  return ids;
+}
+
+std::optional<Problem> SceneStore::erase_damaged(std::string_view id, std::int64_t key) {
+  if (const Status erased = archive_->erase(key); !erased) return not_stored(erased.error());
+  const std::lock_guard lock(mutex_);
+  const auto found = scenes_.find(id);
+  if (found != scenes_.end() && found->second.key == key) scenes_.erase(found);
+  return std::nullopt;
 }
 
 std::optional<Problem> SceneStore::erase(std::string_view id, std::string_view if_match) {
   const std::shared_ptr<NamedScene> scene = find(id);
-  if (!scene) return Problem{ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
+  if (!scene) {
+    const Problem problem = why_missing(id);
+    if (problem.code != ProblemCode::kSceneDamaged) return problem;
+    const std::int64_t key = [&] {
+      const std::lock_guard lock(mutex_);
+      const auto found = scenes_.find(id);
+      return found == scenes_.end() ? 0 : found->second.key;
+    }();
+    return erase_damaged(id, key);
+  }
   // No version appears between the check and the removal.
   const auto turn = scene->writing_.enter({});
+  if (scene->erased_) return no_scene();
   if (auto problem = check_if_match(if_match, scene->snapshot()->version())) return problem;
+  if (archive_ != nullptr)
+    if (const Status erased = archive_->erase(scene->stored_.key); !erased) return not_stored(erased.error());
+  scene->erased_ = true;
   const std::lock_guard lock(mutex_);
-  const auto found = scenes_.find(id);
-  if (found == scenes_.end() || found->second != scene)
-    return Problem{ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
-  scenes_.erase(found);
+  scenes_.erase(scenes_.find(id));
   return std::nullopt;
+}
+
+SceneStore::SceneStore(std::size_t max_scenes, store::SceneArchive* archive)
+    : max_scenes_(max_scenes), archive_(archive) {
+  if (archive_ == nullptr) return;
+  // The archive has read all of it once, when it was opened.
+  if (auto rows = archive_->scenes()) rows_ = std::move(rows).value();
+  if (const auto number = archive_->next_number()) next_number_ = *number;
+  for (const store::SceneRow& row : rows_) scenes_[row.id] = {State::kStored, nullptr, row.key};
+}
+
+void SceneStore::restore(const std::stop_token& stop, const std::function<void(const DamagedScene&)>& tell) {
+  for (const store::SceneRow& row : rows_) {
+    if (stop.stop_requested()) return;
+    auto scene = archive_->restore(row, stop);
+    if (scene) {
+      settle(row.id, {State::kServed,
+                      std::make_shared<NamedScene>(row.id, std::move(scene).value(), row.origin,
+                                                   NamedScene::Stored{archive_, row.key}),
+                      row.key});
+    } else if (scene.error().code != ErrorCode::kCancelled) {
+      settle(row.id, {State::kDamaged, nullptr, row.key});
+      tell({row.id, scene.error().message});
+    }
+  }
+  rows_.clear();
 }
 
 }  // namespace gridcast::server

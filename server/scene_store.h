@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -14,31 +15,39 @@
 #include "core/scene/scene.h"
 #include "core/scene/update.h"
 #include "proto/error_table.h"
+#include "server/store/scene_archive.h"
 #include "server/work_gate.h"
 
 namespace gridcast::server {
 
-/// What stays the same over a scene's life.
-struct SceneOrigin {
-  std::string structure = "auto";  ///< asked for at creation
-  double import_ms = 0.0;
-  double build_ms = 0.0;
-};
+using store::SceneOrigin;
 
 /// A named scene: a pointer to its newest snapshot, and one writer at a time, in the order of arrival.
 /// Readers never wait for a writer's work nor a writer for readers: the pointer alone is guarded. An old
 /// version is freed when its last reader lets go of it.
 class NamedScene {
  public:
-  NamedScene(std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin)
-      : id_(std::move(id)), origin_(std::move(origin)), current_(std::move(first)), versions_{current_} {}
+  /// Where a scene is stored.
+  struct Stored {
+    store::SceneArchive* archive = nullptr;  ///< null: in memory alone
+    std::int64_t key = 0;
+  };
+
+  NamedScene(std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin, Stored stored)
+      : id_(std::move(id)),
+        origin_(std::move(origin)),
+        stored_(stored),
+        current_(std::move(first)),
+        versions_{current_} {}
 
   [[nodiscard]] const std::string& id() const { return id_; }
   [[nodiscard]] const SceneOrigin& origin() const { return origin_; }
   [[nodiscard]] std::shared_ptr<const scene::Scene> snapshot() const;
 
   /// Applies `edits` and publishes the new version, when `if_match` (an If-Match header, empty = none) names
-  /// the current one. On any problem nothing changed. kCancelled when `stop` comes before this writer's turn.
+  /// the current one. It is stored before anyone sees it, whatever the edits are: this is the one place where
+  /// a version comes about. On any problem nothing changed. kCancelled when `stop` comes before this writer's
+  /// turn.
   [[nodiscard]] std::variant<scene::UpdateResult, proto::Problem, Error> update(
       std::string_view if_match, const std::vector<scene::SceneEdit>& edits,
       const std::stop_token& stop = {});
@@ -50,7 +59,9 @@ class NamedScene {
   friend class SceneStore;
   std::string id_;
   SceneOrigin origin_;
+  Stored stored_;
   WorkGate writing_{1};
+  bool erased_ = false;         ///< guarded by a turn of writing_
   mutable std::mutex pointer_;  ///< guards what follows
   std::shared_ptr<const scene::Scene> current_;
   std::vector<std::weak_ptr<const scene::Scene>>
@@ -60,13 +71,25 @@ class NamedScene {
 /// Nothing when If-Match allows a write to `version`.
 [[nodiscard]] std::optional<proto::Problem> check_if_match(std::string_view if_match, std::uint64_t version);
 
-/// All scenes of a server, by id.
+/// A stored scene that cannot be served.
+struct DamagedScene {
+  std::string id;
+  std::string detail;  ///< for the operator: names files
+};
+
+/// All scenes of a server, by id. With an archive each outlasts the process: create, update and erase return
+/// when the change is stored.
 class SceneStore {
  public:
-  explicit SceneStore(std::size_t max_scenes) : max_scenes_(max_scenes) {}
+  /// The stored scenes are there at once, and can be served when restore() has come to them.
+  explicit SceneStore(std::size_t max_scenes, store::SceneArchive* archive = nullptr);
 
   /// Letters, digits, '_', '.' and '-', 1 to 64 of them, not "." or "..".
   [[nodiscard]] static bool is_valid_id(std::string_view id);
+
+  /// Builds what is stored, one scene after the other, and tells of each that is damaged. Once, before the
+  /// server says that it is ready.
+  void restore(const std::stop_token& stop, const std::function<void(const DamagedScene&)>& tell);
 
   /// Nothing when a scene could be created under `id` now: for refusing before the work is done.
   [[nodiscard]] std::optional<proto::Problem> check_new(std::string_view id) const;
@@ -74,16 +97,33 @@ class SceneStore {
   [[nodiscard]] std::variant<std::shared_ptr<NamedScene>, proto::Problem> create(
       std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin);
   [[nodiscard]] std::shared_ptr<NamedScene> find(std::string_view id) const;
+  /// Why find() has nothing: no such scene, not restored yet, damaged.
+  [[nodiscard]] proto::Problem why_missing(std::string_view id) const;
   /// In the order of their ids.
   [[nodiscard]] std::vector<std::shared_ptr<NamedScene>> list() const;
-  /// Requests at work on the scene finish on it.
+  [[nodiscard]] std::vector<std::string> damaged() const;
+  /// Requests at work on the scene finish on it; updates that wait for their turn find it gone. A damaged
+  /// scene can be erased too.
   [[nodiscard]] std::optional<proto::Problem> erase(std::string_view id, std::string_view if_match);
 
  private:
+  enum class State : std::uint8_t { kCreating, kStored, kDamaged, kServed };
+  struct Entry {
+    State state = State::kCreating;
+    std::shared_ptr<NamedScene> scene;  ///< kServed
+    std::int64_t key = 0;               ///< in the archive
+  };
+
+  std::variant<std::string, proto::Problem> reserve(std::string id);
+  void settle(const std::string& id, Entry entry);
+  std::optional<proto::Problem> erase_damaged(std::string_view id, std::int64_t key);
+
   std::size_t max_scenes_;
+  store::SceneArchive* archive_;
+  std::vector<store::SceneRow> rows_;  ///< to be restored
   mutable std::mutex mutex_;
-  std::map<std::string, std::shared_ptr<NamedScene>, std::less<>> scenes_;
-  std::uint64_t next_id_ = 1;
+  std::map<std::string, Entry, std::less<>> scenes_;
+  std::uint64_t next_number_ = 1;
 };
 
 }  // namespace gridcast::server

@@ -35,6 +35,11 @@ class ChunkedVector {
     while (chunks_.size() * kChunk < size) chunks_.push_back(std::make_shared<Chunk>());
     size_ = std::max(size_, size);
   }
+  /// Whether both hold element i in the very same chunk: then all of that chunk is the same.
+  [[nodiscard]] bool shares_chunk(const ChunkedVector& other, std::size_t i) const {
+    const std::size_t chunk = i / kChunk;
+    return chunk < other.chunks_.size() && chunks_[chunk] == other.chunks_[chunk];
+  }
   [[nodiscard]] std::size_t memory_bytes() const {
     return chunks_.capacity() * sizeof(chunks_[0]) + chunks_.size() * sizeof(Chunk);
   }

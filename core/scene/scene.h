@@ -64,7 +64,8 @@ class Scene {
   [[nodiscard]] Status validate() const;
 
  private:
-  friend class SceneEditor;  // makes every new version: build_scene and apply_update
+  friend class SceneEditor;  // makes every new version: build_scene, apply_update and restore_scene
+  friend class SceneKeeper;  // reads what has to be kept: scene_state.cpp
 
   /// Name of an instance that came with an update; those of the file are in data_. Unnamed ones take no room.
   struct AddedName {

@@ -18,6 +18,7 @@ class SceneEditor {
 
   [[nodiscard]] const Scene& scene() const { return *scene_; }
 
+  void set_version(std::uint64_t version) { scene_->version_ = version; }
   void set_data(std::shared_ptr<const SceneData> data, std::shared_ptr<const Rig> rig) {
     scene_->data_ = std::move(data);
     scene_->rig_ = std::move(rig);
@@ -43,6 +44,9 @@ class SceneEditor {
     scene_->instances_.write(instance_id).transform = transform;
   }
   std::uint32_t add_instance(const Instance& instance, const std::string& name);
+  void add_name(std::uint32_t instance_id, const std::string& name) {
+    scene_->added_names_.push_back({instance_id, name});
+  }
   void remove_instance(std::uint32_t instance_id);
   /// Counts instances and triangles anew; add_ and remove_instance keep them up to date.
   void count_instances();
