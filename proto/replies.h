@@ -17,7 +17,7 @@ namespace gridcast::proto {
 /// GET /v1.
 struct ServiceInfo {
   std::string version;          ///< of the program
-  std::string instruction_set;  ///< in use: sse2, avx2 ...
+  std::string instruction_set;  ///< in use: avx512, avx2, sse4 ... (core/math/instruction_set.h)
   std::size_t threads = 0;
   Limits limits;
 };

@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/math/instruction_set.h"
 #include "server/cli_common.h"
 #include "server/signals.h"
 
@@ -19,6 +20,8 @@ Examples:
   gridcast serve --port 8080 --load engine=engine.glb
   gridcast bench --quick
   gridcast chart engine.glb -o chart.svg
+
+The environment variable GRIDCAST_ISA limits the vector instructions where --isa does not.
 
 Exit codes: 0 done, 1 the work failed, 2 wrong usage, 130 interrupted.
 'gridcast COMMAND --help' says more about each.)";
@@ -36,6 +39,23 @@ int run_chosen(CLI::App& program, const std::vector<std::unique_ptr<Command>>& c
   return kExitUsage;
 }
 
+/// Every command has it, so that it stands where the others do.
+void add_isa_option(CLI::App& program, std::string& isa) {
+  for (CLI::App* command : program.get_subcommands([](const CLI::App*) { return true; }))
+    command->add_option("--isa", isa,
+                        "The widest vector instructions to use: avx512, avx2, sse4, ssse3, scalar, or native "
+                        "for all that the CPU has; answers do not depend on it");
+}
+
+/// Exit code for a set of instructions that is not there.
+int limit_isa(const std::string& isa) {
+  const Status limited = isa.empty() ? limit_instruction_set_by_environment() : limit_instruction_set(isa);
+  if (limited) return kExitDone;
+  std::fprintf(stderr, "gridcast: %s: %s\n", isa.empty() ? "GRIDCAST_ISA" : "--isa",
+               limited.error().message.c_str());
+  return kExitUsage;
+}
+
 }  // namespace
 
 int run_command_line(int argc, char** argv) {
@@ -50,6 +70,8 @@ int run_command_line(int argc, char** argv) {
   commands.push_back(make_info_command(program));
   commands.push_back(make_bench_command(program));
   commands.push_back(make_chart_command(program));
+  std::string isa;
+  add_isa_option(program, isa);
   if (argc > 1 && is_unknown_command(program, argv[1])) {
     std::fprintf(stderr, "gridcast: unknown command '%s' (see gridcast --help)\n", argv[1]);
     return kExitUsage;
@@ -62,6 +84,7 @@ int run_command_line(int argc, char** argv) {
     std::fprintf(stderr, "gridcast: %s (see gridcast --help)\n", error.what());
     return kExitUsage;
   }
+  if (const int code = limit_isa(isa); code != kExitDone) return code;
   const SignalWatch signals;
   try {
     return run_chosen(program, commands, signals.token());

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/math/instruction_set.h"
 #include "proto/replies.h"
 #include "server/cli_common.h"
 #include "server/describe.h"
@@ -60,6 +61,7 @@ Json names_of(const auto& items) {
 void InfoCommand::print_json(const scene::Scene& scene, const proto::SceneInfo& info,
                              const std::vector<proto::MeshInfo>& meshes) {
   Json json = Json::parse(to_json(info));
+  json["instruction_set"] = instruction_set();
   json["cameras"] = names_of(scene.data().cameras);
   json["lights"] = names_of(scene.data().lights);
   json["animations"] = names_of(scene.data().animations);
@@ -109,6 +111,7 @@ void InfoCommand::print_table(const scene::Scene& scene, const proto::SceneInfo&
   print_bounds(info.bounds);
   std::printf("memory            %s\n", bytes_text(info.memory_bytes).c_str());
   std::printf("import, build     %.1f ms, %.1f ms\n", info.import_ms, info.build_ms);
+  std::printf("instructions      %s\n", std::string(instruction_set()).c_str());
   std::printf("top level         %s, %u x %u x %u cells, %s of %s occupied, %s references, %s\n",
               top.kind.c_str(), top.cells[0], top.cells[1], top.cells[2], grouped(top.occupied_cells).c_str(),
               grouped(top.cell_count).c_str(), grouped(top.reference_count).c_str(),

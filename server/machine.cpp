@@ -4,8 +4,8 @@
 #include <string>
 #include <thread>
 
+#include "core/math/instruction_set.h"
 #include "core/measure/embree_yardstick.h"
-#include "server/instruction_set.h"
 
 namespace gridcast::server {
 namespace {
@@ -21,27 +21,14 @@ std::string cpu_name() {
   return "unknown";
 }
 
-/// Of the sets that our kernels choose from at run time, those that this CPU has.
-Json cpu_instruction_sets() {
-  Json sets = Json::array();
-#if defined(__x86_64__)
-  if (__builtin_cpu_supports("sse4.2") != 0) sets.push_back("sse4.2");
-  if (__builtin_cpu_supports("avx2") != 0) sets.push_back("avx2");
-  if (__builtin_cpu_supports("avx512f") != 0) sets.push_back("avx512");
-#elif defined(__ARM_NEON)
-  sets.push_back("neon");
-#endif
-  return sets;
-}
-
 }  // namespace
 
 Json machine_json() {
   const measure::EmbreeInfo embree = measure::embree_info();
   return {{"cpu", cpu_name()},
           {"threads", std::thread::hardware_concurrency()},
-          {"cpu_isa", cpu_instruction_sets()},
-          {"compiled_isa", instruction_set()},
+          {"cpu_isa", instruction_sets()},
+          {"isa", instruction_set()},
           {"compiler", __VERSION__},
           {"gridcast", GRIDCAST_VERSION},
           {"embree",

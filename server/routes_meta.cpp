@@ -1,8 +1,8 @@
+#include "core/math/instruction_set.h"
 #include "proto/media_type.h"
 #include "proto/openapi.h"
 #include "proto/replies.h"
 #include "server/api.h"
-#include "server/instruction_set.h"
 #include "server/problem.h"
 
 namespace gridcast::server {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include <oneapi/tbb/task_arena.h>
@@ -13,6 +14,8 @@
 #else
 #include <embree3/rtcore.h>
 #endif
+
+#include "core/math/instruction_set.h"
 
 // Why no hit is lost. Let M be the mesh's largest coordinate. Embree gets the culling half of the ray, moved
 // forward to where it enters the mesh's box (its integer comparisons need distances of at least 0), and
@@ -167,6 +170,14 @@ Error to_error(RTCError code) {
 
 }  // namespace
 
+const char* embree_device_config() {
+  const std::string_view limit = instruction_set();
+  if (limit == instruction_sets().front()) return nullptr;
+  if (limit == "avx2") return "isa=avx2";
+  if (limit == "sse4") return "isa=sse4.2";
+  return "isa=sse2";
+}
+
 /// A device of its own per tree: made in about 50 us, and its memory monitor then counts this tree alone.
 struct EmbreeTree::Scene {
   RTCDevice device = nullptr;
@@ -192,7 +203,7 @@ struct EmbreeTree::Scene {
     const auto magnitude = double(bounds.magnitude());
     box_pad = float(kBoxPad * magnitude + kPadFloor);
     max_ray_pad = float(kMaxRayPad * magnitude + kPadFloor);
-    device = rtcNewDevice(nullptr);
+    device = rtcNewDevice(embree_device_config());
     if (device == nullptr) return to_error(rtcGetDeviceError(nullptr));
     rtcSetDeviceMemoryMonitorFunction(device, on_memory, &memory_bytes);
     scene = rtcNewScene(device);

@@ -11,6 +11,10 @@
 
 namespace gridcast::blas {
 
+/// What a new device of Embree is told so that it keeps to the set of instructions that our kernels are
+/// limited to (core/math/instruction_set.h); null where there is no limit.
+[[nodiscard]] const char* embree_device_config();
+
 /// Embree's tree over user geometry with padded triangle boxes. Cannot be refitted: an Embree scene can be
 /// neither copied nor changed while it is read, so moved vertices get a new one.
 class EmbreeTree {

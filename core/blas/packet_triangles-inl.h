@@ -38,22 +38,23 @@ struct Corner {
   hn::VFromD<D4> x, y, z;
 };
 
-/// Four triangles' corners as seen along one ray, or along the middle one.
+/// The corners of the triangles from `first` on, as many as there are lanes, as seen along one ray or along
+/// the middle one.
 struct Corners {
   Corner a, b, c;
 
-  HWY_INLINE Corners(const TriangleBlock& block, const PacketFrame& frame, const float (&origin)[2],
-                     const float (&slope)[2])
-      : a(corner(block, 0, frame, origin, slope)),
-        b(corner(block, 1, frame, origin, slope)),
-        c(corner(block, 2, frame, origin, slope)) {}
+  HWY_INLINE Corners(const TriangleBlock& block, std::size_t first, const PacketFrame& frame,
+                     const float (&origin)[2], const float (&slope)[2])
+      : a(corner(block.corners[0], first, frame, origin, slope)),
+        b(corner(block.corners[1], first, frame, origin, slope)),
+        c(corner(block.corners[2], first, frame, origin, slope)) {}
 
-  static HWY_INLINE Corner corner(const TriangleBlock& block, int number, const PacketFrame& frame,
+  static HWY_INLINE Corner corner(const float (&columns)[3][4], std::size_t first, const PacketFrame& frame,
                                   const float (&origin)[2], const float (&slope)[2]) {
     const D4 d;
-    const auto z = hn::Sub(hn::Load(d, block.corners[number][frame.axes[2]]), hn::Set(d, frame.plane_z));
-    const auto x = hn::Sub(hn::Load(d, block.corners[number][frame.axes[0]]), hn::Set(d, origin[0]));
-    const auto y = hn::Sub(hn::Load(d, block.corners[number][frame.axes[1]]), hn::Set(d, origin[1]));
+    const auto z = hn::Sub(hn::Load(d, columns[frame.axes[2]] + first), hn::Set(d, frame.plane_z));
+    const auto x = hn::Sub(hn::Load(d, columns[frame.axes[0]] + first), hn::Set(d, origin[0]));
+    const auto y = hn::Sub(hn::Load(d, columns[frame.axes[1]] + first), hn::Set(d, origin[1]));
     return {hn::NegMulAdd(hn::Set(d, slope[0]), z, x), hn::NegMulAdd(hn::Set(d, slope[1]), z, y), z};
   }
 
@@ -76,16 +77,16 @@ struct Corners {
   }
 };
 
-HWY_INLINE void store_edge(const Corner& p, const Corner& q, bool common_origin,
+HWY_INLINE void store_edge(const Corner& p, const Corner& q, bool common_origin, std::size_t first,
                            float (*HWY_RESTRICT out)[4]) {
   const D4 d;
-  hn::Store(hn::NegMulAdd(p.y, q.x, hn::Mul(p.x, q.y)), d, out[0]);
-  hn::Store(hn::NegMulAdd(p.z, q.y, hn::Mul(p.y, q.z)), d, out[1]);
-  hn::Store(hn::NegMulAdd(p.x, q.z, hn::Mul(p.z, q.x)), d, out[2]);
+  hn::Store(hn::NegMulAdd(p.y, q.x, hn::Mul(p.x, q.y)), d, out[0] + first);
+  hn::Store(hn::NegMulAdd(p.z, q.y, hn::Mul(p.y, q.z)), d, out[1] + first);
+  hn::Store(hn::NegMulAdd(p.x, q.z, hn::Mul(p.z, q.x)), d, out[2] + first);
   if (common_origin) return;
-  hn::Store(hn::Sub(p.y, q.y), d, out[3]);
-  hn::Store(hn::Sub(q.x, p.x), d, out[4]);
-  hn::Store(hn::Sub(q.z, p.z), d, out[5]);
+  hn::Store(hn::Sub(p.y, q.y), d, out[3] + first);
+  hn::Store(hn::Sub(q.x, p.x), d, out[4] + first);
+  hn::Store(hn::Sub(q.z, p.z), d, out[5] + first);
 }
 
 /// Four bits or sixteen, as an integer.
@@ -106,17 +107,19 @@ template <Precision kPrecision>
 HWY_INLINE void prepare_triangles(const TriangleBlock& block, const PacketFrame& frame,
                                   BundleTriangles& out) {
   const D4 d;
-  const Corners seen(block, frame, frame.origin, frame.slope);
-  store_edge(seen.c, seen.b, frame.common_origin, out.edge[0]);
-  store_edge(seen.a, seen.c, frame.common_origin, out.edge[1]);
-  store_edge(seen.b, seen.a, frame.common_origin, out.edge[2]);
   const float e = (kPrecision == Precision::kFast ? 0.5F : 0.25F) * frame.pad;
-  const auto largest = hn::Add(seen.largest(), hn::Set(d, frame.spread + e));
-  const auto bound = hn::Mul(largest, hn::MulAdd(largest, hn::Set(d, 0x1p-17F), hn::Set(d, 8.F * e)));
-  // Below 2^-120 products lose bits to underflow, which the bound does not count.
-  hn::Store(hn::Max(bound, hn::Set(d, 0x1p-120F)), d, out.bound);
-  hn::Store(seen.s_low(frame), d, out.s_low);
-  hn::Store(seen.s_high(frame), d, out.s_high);
+  for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
+    const Corners seen(block, i, frame, frame.origin, frame.slope);
+    store_edge(seen.c, seen.b, frame.common_origin, i, out.edge[0]);
+    store_edge(seen.a, seen.c, frame.common_origin, i, out.edge[1]);
+    store_edge(seen.b, seen.a, frame.common_origin, i, out.edge[2]);
+    const auto largest = hn::Add(seen.largest(), hn::Set(d, frame.spread + e));
+    const auto bound = hn::Mul(largest, hn::MulAdd(largest, hn::Set(d, 0x1p-17F), hn::Set(d, 8.F * e)));
+    // Below 2^-120 products lose bits to underflow, which the bound does not count.
+    hn::Store(hn::Max(bound, hn::Set(d, 0x1p-120F)), d, out.bound + i);
+    hn::Store(seen.s_low(frame), d, out.s_low + i);
+    hn::Store(seen.s_high(frame), d, out.s_high + i);
+  }
 }
 
 /// A bit for each triangle of the block that ray r may hit: what a single ray does (see block_filter-inl.h),
@@ -127,19 +130,23 @@ HWY_INLINE std::uint32_t filter_block_alone(const TriangleBlock& block, const Pa
   const D4 d;
   const float origin[2] = {frame.ray_origin[0][r], frame.ray_origin[1][r]};
   const float slope[2] = {float(frame.shear[0][r]), float(frame.shear[1][r])};
-  const Corners seen(block, frame, origin, slope);
-  const auto u = hn::NegMulAdd(seen.c.y, seen.b.x, hn::Mul(seen.c.x, seen.b.y));
-  const auto v = hn::NegMulAdd(seen.a.y, seen.c.x, hn::Mul(seen.a.x, seen.c.y));
-  const auto w = hn::NegMulAdd(seen.b.y, seen.a.x, hn::Mul(seen.b.x, seen.a.y));
   const float e = (kPrecision == Precision::kFast ? 0.5F : 0.25F) * frame.pad;
-  const auto bound =
-      hn::Max(hn::Mul(hn::Set(d, 8.F * e), hn::Add(seen.largest(), hn::Set(d, e))), hn::Set(d, 0x1p-120F));
-  const auto lowest = hn::Min(u, hn::Min(v, w));
-  const auto highest = hn::Max(u, hn::Max(v, w));
-  auto reject = hn::And(hn::Lt(lowest, hn::Neg(bound)), hn::Gt(highest, bound));
-  reject = hn::Or(reject, hn::Gt(seen.s_low(frame), hn::Set(d, frame.s_far[r])));
-  reject = hn::Or(reject, hn::Lt(seen.s_high(frame), hn::Set(d, frame.s_near[r])));
-  return ~bits_of(d, reject) & 0xFU;
+  std::uint32_t rejected = 0;
+  for (std::size_t i = 0; i < 4; i += hn::Lanes(d)) {
+    const Corners seen(block, i, frame, origin, slope);
+    const auto u = hn::NegMulAdd(seen.c.y, seen.b.x, hn::Mul(seen.c.x, seen.b.y));
+    const auto v = hn::NegMulAdd(seen.a.y, seen.c.x, hn::Mul(seen.a.x, seen.c.y));
+    const auto w = hn::NegMulAdd(seen.b.y, seen.a.x, hn::Mul(seen.b.x, seen.a.y));
+    const auto bound =
+        hn::Max(hn::Mul(hn::Set(d, 8.F * e), hn::Add(seen.largest(), hn::Set(d, e))), hn::Set(d, 0x1p-120F));
+    const auto lowest = hn::Min(u, hn::Min(v, w));
+    const auto highest = hn::Max(u, hn::Max(v, w));
+    auto reject = hn::And(hn::Lt(lowest, hn::Neg(bound)), hn::Gt(highest, bound));
+    reject = hn::Or(reject, hn::Gt(seen.s_low(frame), hn::Set(d, frame.s_far[r])));
+    reject = hn::Or(reject, hn::Lt(seen.s_high(frame), hn::Set(d, frame.s_near[r])));
+    rejected |= bits_of(d, reject) << i;
+  }
+  return ~rejected & 0xFU;
 }
 
 /// A bit for each ray that may hit triangle `lane` between its s_near and s_far.

@@ -15,6 +15,7 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include "core/blas/embree_tree.h"
 #include "core/io/image.h"
 #include "core/scene/flatten.h"
 
@@ -231,10 +232,8 @@ std::string_view to_string(EmbreeEntry entry) {
 }
 
 EmbreeInfo embree_info() {
-  EmbreeInfo info;
-  info.headers = RTC_VERSION_STRING;
-  info.assertions = assertions_of_library();
-  RTCDevice device = rtcNewDevice(nullptr);
+  EmbreeInfo info{{}, RTC_VERSION_STRING, {}, assertions_of_library()};
+  RTCDevice device = rtcNewDevice(blas::embree_device_config());
   if (device == nullptr) return info;
   const auto property = [&](RTCDeviceProperty which) { return rtcGetDeviceProperty(device, which); };
   const auto version = property(RTC_DEVICE_PROPERTY_VERSION);
@@ -340,7 +339,7 @@ Result<std::unique_ptr<EmbreeScene>> EmbreeScene::build(const scene::SceneData& 
   auto made = std::make_unique<EmbreeScene>();
   State& state = *made->state_;
   state.options = options;
-  state.device = rtcNewDevice(nullptr);
+  state.device = rtcNewDevice(blas::embree_device_config());
   if (state.device == nullptr)
     return Error{ErrorCode::kUnsupported, "Embree does not run on this processor", {}};
   rtcSetDeviceMemoryMonitorFunction(state.device, on_memory, &state.memory_bytes);

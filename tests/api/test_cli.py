@@ -48,6 +48,29 @@ def test_info_json_is_one_object_with_the_counts(run, model):
     assert [mesh["topology"]["closed"] for mesh in info["meshes"]] == [True, True]
 
 
+def test_any_instruction_set_casts_the_same_bytes(run, model, tmp_path, monkeypatch):
+    monkeypatch.delenv("GRIDCAST_ISA", raising=False)
+    refused = run("info", model, "--isa", "nonsense")
+    assert refused.returncode == USAGE and refused.stdout == b""
+    assert refused.stderr.startswith(b"gridcast: --isa:")
+    names = refused.stderr.decode().split("which has ")[1].split(" (")[0].split(", ")
+    assert json.loads(run("info", model, "--json").stdout)["instruction_set"] == names[0]
+    written = set()
+    for name in [*names, "native"]:
+        info = run("info", model, "--json", "--isa", name)
+        assert json.loads(info.stdout)["instruction_set"] == (names[0] if name == "native" else name)
+        run("cast", model, "--camera-grid", "64x48", "-o", f"{name}.bin", "--isa", name)
+        written.add((tmp_path / f"{name}.bin").read_bytes())
+    assert len(written) == 1
+    # The environment does the same, less strongly than the flag.
+    monkeypatch.setenv("GRIDCAST_ISA", names[-1])
+    assert json.loads(run("info", model, "--json").stdout)["instruction_set"] == names[-1]
+    assert json.loads(run("info", model, "--json", "--isa", names[0]).stdout)["instruction_set"] == names[0]
+    monkeypatch.setenv("GRIDCAST_ISA", "nonsense")
+    refused = run("info", model)
+    assert refused.returncode == USAGE and refused.stderr.startswith(b"gridcast: GRIDCAST_ISA:")
+
+
 def test_cast_with_a_camera_grid_tells_hits(run, model):
     done = run("cast", model, "--camera-grid", "64x48", "--json")
     assert done.returncode == DONE

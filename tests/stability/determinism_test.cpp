@@ -12,6 +12,7 @@
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
+#include "core/math/instruction_set.h"
 #include "core/render/camera.h"
 #include "core/render/render.h"
 #include "core/scene/all_hits.h"
@@ -32,11 +33,15 @@ SceneSpec crowd(std::uint64_t seed) {
   return spec;
 }
 
+std::shared_ptr<const scene::Scene> built_as(const SceneSpec& spec, blas::StructureKind kind) {
+  scene::SceneBuildOptions options;
+  options.blas.kind = kind;
+  return scene::build_scene(scene_data(spec), options).value();
+}
+
 /// The wide BVH, which has packets.
 std::shared_ptr<const scene::Scene> in_wide_bvh(const SceneSpec& spec) {
-  scene::SceneBuildOptions options;
-  options.blas.kind = blas::StructureKind::kWideBvh;
-  return scene::build_scene(scene_data(spec), options).value();
+  return built_as(spec, blas::StructureKind::kWideBvh);
 }
 
 /// Rays towards a scene; every seventh is invalid where `holes` are wanted.
@@ -51,9 +56,10 @@ std::vector<Ray> rays_at(const scene::Scene& scene, std::size_t count, Holes hol
 }
 
 HitColumns closest(const scene::Scene& scene, const std::vector<Ray>& rays,
-                   scene::TraceStats* stats = nullptr) {
+                   scene::TraceStats* stats = nullptr, Precision precision = Precision::kRobust) {
   scene::TraceOptions options;
   options.stats = stats;
+  options.precision = precision;
   std::vector<double> rows;
   for (const Ray& r : rays)
     for (const double x :
@@ -112,6 +118,53 @@ std::vector<Ray> neighbours(std::size_t count, test::Random& random) {
     if (i % 5 == 2) rays.back().tfar = random.uniform(0.5, 1.2);
   }
   return rays;
+}
+
+/// From now on as wide as before; ends with the scope.
+class InstructionSetScope {
+ public:
+  InstructionSetScope() : before_(instruction_set()) {}
+  ~InstructionSetScope() { EXPECT_TRUE(limit_instruction_set(before_)); }
+  InstructionSetScope(const InstructionSetScope&) = delete;
+  InstructionSetScope& operator=(const InstructionSetScope&) = delete;
+
+ private:
+  std::string before_;
+};
+
+// Built and asked with every instruction set of this machine, in packets and one by one, in every precision.
+TEST(Stability, RC39_InstructionSets) {
+  Row row(39, 8000);
+  const InstructionSetScope scope;
+  const SceneSpec specs[] = {crowd(391), placed(generated("jittered_icosphere 3 392"))};
+  std::uint64_t in_packets = 0;
+  for (const SceneSpec& spec : specs) {
+    const bool alone = spec.instances.size() == 1;
+    row.blocks(row.rays(), [&](test::Random& random, std::size_t count) {
+      for (const blas::StructureKind kind :
+           {blas::StructureKind::kWideBvh, blas::StructureKind::kBvh, blas::StructureKind::kKdTree}) {
+        const auto native = built_as(spec, kind);
+        const std::vector<Ray> rays =
+            alone ? neighbours(count, random) : rays_at(*native, count, Holes::kInvalidRays, random);
+        for (const Precision precision : {Precision::kFast, Precision::kRobust, Precision::kExact}) {
+          ASSERT_TRUE(limit_instruction_set(kNativeInstructionSet));
+          const HitColumns want = closest(*native, rays, nullptr, precision);
+          for (const std::string_view set : instruction_sets()) {
+            ASSERT_TRUE(limit_instruction_set(set));
+            scene::TraceStats stats;
+            const HitColumns got = closest(*built_as(spec, kind), rays, &stats, precision);
+            in_packets += stats.packet_rays;
+            for (std::size_t i = 0; i < count; ++i)
+              if (!same_row(got, i, want, i))
+                row.fail(spec, {rays[i], {}, {}}, "answers otherwise with " + std::string(set));
+            row.count(0, count);
+          }
+        }
+      }
+      row.count(count, 0);
+    });
+  }
+  EXPECT_GT(in_packets, row.rays()) << "too few rays were traced in packets";
 }
 
 // Batches of 1 to 99 rays, of which some are invalid: what a lane of a packet answers is what its ray does.

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/math/instruction_set.h"
 #include "tests/stability/row.h"
 
 namespace {
@@ -17,6 +18,7 @@ constexpr const char* kHelp =
   --ledger FILE  appends a line of JSON for each row: row, rays, questions, failures, seed, upper_bound
                  (3 / rays where nothing failed: the rate is below that with 95 % confidence)
   --seed N       the seed of every row, as the environment variable GRIDCAST_SEED does
+  --isa NAME     limits the instruction set, as the environment variable GRIDCAST_ISA does
   --corpus DIR   where failing rays are saved and cases replayed from, default tests/stability/corpus
   --help         this, and GoogleTest's own flags, of which --gtest_filter='*RC05*' is the most useful
 
@@ -60,10 +62,17 @@ int main(int argc, char** argv) {
       options.corpus = value;
     } else if (takes("--seed", argc, argv, i, value)) {
       setenv("GRIDCAST_SEED", std::string(value).c_str(), 1);
+    } else if (takes("--isa", argc, argv, i, value)) {
+      setenv("GRIDCAST_ISA", std::string(value).c_str(), 1);
     } else {
       std::cerr << "unknown option '" << argv[i] << "' (see --help)\n";
       return 2;
     }
   }
+  if (const gridcast::Status limited = gridcast::limit_instruction_set_by_environment(); !limited) {
+    std::cerr << limited.error().where << ": " << limited.error().message << '\n';
+    return 2;
+  }
+  std::cout << "instruction set " << gridcast::instruction_set() << '\n';
   return RUN_ALL_TESTS();
 }

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "core/math/instruction_set.h"
 #include "tests/unit/blas/cases.h"
 
 namespace gridcast::blas {
@@ -106,6 +107,27 @@ TEST(WidePacket, every_ray_gets_the_answer_it_gets_alone) {
     }
     EXPECT_GT(traced, 500) << "most bundles should be narrow enough";
   }
+}
+
+// A set of few lanes takes a block's triangles and a packet's rays in several steps, one of many in one.
+TEST(WidePacket, every_instruction_set_gives_the_same_answers) {
+  const std::uint64_t seed = test::seed_or(73);
+  const std::string before(instruction_set());
+  const auto blas = Blas::build(test::share(test::jittered_icosphere(3, 73)), {StructureKind::kWideBvh});
+  ASSERT_TRUE(blas.ok());
+  for (const std::string_view name : instruction_sets()) {
+    SCOPED_TRACE(name);
+    ASSERT_TRUE(limit_instruction_set(name));
+    RayMaker maker(blas->mesh(), seed);
+    int traced = 0;
+    for (int i = 0; i < 500 && !HasFatalFailure(); ++i) {
+      const Bundle bundle = bundle_around(maker.any(), 2.0, blas->mesh(), maker.random());
+      expect_same_as_single_rays<Precision::kRobust>(*blas, bundle, traced);
+      expect_same_as_single_rays<Precision::kFast>(*blas, bundle, traced);
+    }
+    EXPECT_GT(traced, 150);
+  }
+  ASSERT_TRUE(limit_instruction_set(before));
 }
 
 TEST(WidePacket, rays_far_apart_are_left_to_the_caller) {
