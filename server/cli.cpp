@@ -17,6 +17,7 @@ Examples:
   gridcast info engine.glb
   gridcast cast engine.glb --camera-grid 1024x1024 -o hits.bin
   gridcast render engine.glb -o engine.png --width 800 --height 600
+  gridcast play fox.glb --animation Run -o frame_%04d.png
   gridcast serve --port 8080 --load engine=engine.glb
   gridcast bench --quick
   gridcast chart engine.glb -o chart.svg
@@ -67,6 +68,7 @@ int run_command_line(int argc, char** argv) {
   commands.push_back(make_serve_command(program));
   commands.push_back(make_cast_command(program));
   commands.push_back(make_render_command(program));
+  commands.push_back(make_play_command(program));
   commands.push_back(make_info_command(program));
   commands.push_back(make_bench_command(program));
   commands.push_back(make_chart_command(program));

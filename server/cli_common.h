@@ -69,6 +69,7 @@ class Command {
 [[nodiscard]] std::unique_ptr<Command> make_serve_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_cast_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_render_command(CLI::App& program);
+[[nodiscard]] std::unique_ptr<Command> make_play_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_info_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_bench_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_chart_command(CLI::App& program);

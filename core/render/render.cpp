@@ -97,10 +97,14 @@ Result<Film> render(const scene::Scene& scene, const RenderSettings& settings, s
 }
 
 scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio) {
+  return default_camera(scene, scene.bounds(), aspect_ratio);
+}
+
+scene::Camera default_camera(const scene::Scene& scene, const Bounds3d& bounds, double aspect_ratio) {
   for (const scene::Camera& camera : scene.data().cameras)
     if (is_usable(camera) && shows_something(scene, camera)) return camera;
   constexpr double kFieldOfViewRad = 0.7;
-  return frame(scene.bounds(), kFieldOfViewRad, aspect_ratio);
+  return frame(bounds, kFieldOfViewRad, aspect_ratio);
 }
 
 }  // namespace gridcast::render

@@ -47,5 +47,8 @@ struct RenderSettings {
 /// The first camera of the file that is usable and sees more than a single triangle, else one that frames the
 /// scene.
 [[nodiscard]] scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio);
+/// The same, framing `bounds`: those of all that a sequence of pictures is going to show.
+[[nodiscard]] scene::Camera default_camera(const scene::Scene& scene, const Bounds3d& bounds,
+                                           double aspect_ratio);
 
 }  // namespace gridcast::render
