@@ -171,11 +171,9 @@ def test_updates_are_folded_and_files_without_use_go(folder):
     assert list((folder / "files").iterdir()) == []
 
 
-def test_an_ephemeral_server_writes_nothing(tmp_path, start_server):
-    if shutil.which("strace") is None:
-        pytest.skip("no strace")
+def test_an_ephemeral_server_writes_nothing(tmp_path, start_server, strace):
     trace = tmp_path / "trace"
-    server = start_server("--ephemeral", wrapper=("strace", "-f", "-qq", "-e", "trace=openat,mkdir,rename", "-o", str(trace)))
+    server = start_server("--ephemeral", wrapper=(strace, "-f", "-qq", "-e", "trace=openat,mkdir,rename", "-o", str(trace)))
     for step in play()[:6]:
         act(server, step)
     server.stop()
