@@ -1,10 +1,10 @@
-// Against the exact reference: grazing rays, isolated slivers, and every hit of a ray.
+// Meshes where their files have them, so that the engine decides about the very rays that the exact reference
+// gets: grazing rays, isolated slivers, and every hit of a ray.
 
 #include <gtest/gtest.h>
 
 #include "core/scene/all_hits.h"
-#include "core/scene/hit_error.h"
-#include "tests/stability/subject.h"
+#include "tests/stability/exact_subject.h"
 #include "tests/support/closed_mesh.h"
 #include "tests/support/exact_reference.h"
 #include "tests/unit/blas/cases.h"
@@ -37,64 +37,6 @@ HitLists all_hits(const scene::Scene& scene, const std::vector<Shot>& shots,
   return scene::intersect_all(scene, batch_of(rows_of(shots)), options).value();
 }
 
-/// A mesh where its file has it, so that the engine decides about the very rays that the reference gets: the
-/// hits are exactly those of real arithmetic, and each t is within its certified bound.
-class ExactSubject {
- public:
-  explicit ExactSubject(const MeshSource& source) : subject_(placed(source)), exact_(source.mesh) {}
-
-  [[nodiscard]] const Subject& subject() const { return subject_; }
-
-  /// Asks the closest and every hit.
-  void judge(Row& row, std::vector<Shot> shots) {
-    const HitLists lists = all_hits(subject_.scene(), shots);
-    for (std::size_t i = 0; i < shots.size(); ++i) {
-      const auto exact = exact_->all(shots[i].ray);
-      judge_list(row, shots[i], lists, lists.splits[i], lists.splits[i + 1], exact);
-      shots[i].expected = exact.empty() ? Expectation::miss() : Expectation::hit();
-    }
-    const Answers answers = subject_.ask(row, shots);
-    for (std::size_t i = 0; i < shots.size(); ++i) {
-      const SurfaceHit& hit = answers.robust[i];
-      if (hit.status == RayStatus::kHit && lists.hits.primitive_id[lists.splits[i]] != hit.primitive_id)
-        row.fail(subject_.spec(), shots[i], "the closest hit is not the first of all");
-    }
-  }
-  [[nodiscard]] double tightest_share() const { return finite_ == 0 ? 0.0 : double(finite_) / double(hits_); }
-
- private:
-  void judge_list(Row& row, const Shot& shot, const HitLists& lists, std::size_t first, std::size_t last,
-                  const std::vector<measure::exact::Hit>& exact) {
-    if (last - first != exact.size())
-      row.fail(subject_.spec(), shot,
-               std::to_string(last - first) + " hits, not " + std::to_string(exact.size()));
-    for (std::size_t k = first; k < last; ++k) {
-      SurfaceHit hit;
-      hit.status = RayStatus::kHit;
-      hit.t = lists.hits.t[k];
-      hit.instance_id = lists.hits.instance_id[k];
-      hit.primitive_id = lists.hits.primitive_id[k];
-      hit.mesh_id = lists.hits.mesh_id[k];
-      const auto one = std::find_if(exact.begin(), exact.end(), [&](const measure::exact::Hit& e) {
-        return e.primitive == PrimitiveRef{hit.instance_id, hit.primitive_id};
-      });
-      if (one == exact.end()) {
-        row.fail(subject_.spec(), shot, "a false hit: " + describe(hit));
-        continue;
-      }
-      const double bound = scene::t_error(subject_.scene(), shot.ray, hit);
-      ++hits_;
-      finite_ += std::size_t(std::isfinite(bound));
-      if (!(measure::exact::absolute_error(one->at.t, hit.t) <= bound))
-        row.fail(subject_.spec(), shot, "t is off by more than its bound: " + describe(hit));
-    }
-  }
-
-  Subject subject_;
-  test::ExactScene exact_;
-  std::size_t hits_ = 0, finite_ = 0;
-};
-
 /// Towards a point of the closed triangle at an angle of `slope` to it.
 Ray grazing(const mesh::TriangleMesh& mesh, double slope, test::Random& random) {
   const auto corners = mesh.corners(random.below(std::uint32_t(mesh.triangle_count())));
@@ -115,7 +57,7 @@ TEST(Stability, RC09_GrazingRays) {
   const char* const specs[] = {"jittered_icosphere 2 9", "box -1 -1 0 1 1 1e-3", "soup 200 9 0.5",
                                "slivers 200 9 1e2", "jittered_icosphere 2 9 | translate 1e4 -1e4 1e4"};
   for (const char* spec : specs) {
-    ExactSubject subject(generated(spec));
+    ExactSubject subject(placed(generated(spec)));
     const mesh::TriangleMesh& mesh = *subject.subject().spec().meshes[0].mesh;
     row.blocks(row.rays(std::size(specs)), [&](test::Random& random, std::size_t count) {
       std::vector<Shot> shots;
@@ -124,9 +66,9 @@ TEST(Stability, RC09_GrazingRays) {
         const Ray ray = grazing(mesh, (random.below(2) == 0 ? 1.0 : -1.0) * slope, random);
         if (is_valid(ray)) shots.push_back({ray, {}, {}});
       }
-      subject.judge(row, std::move(shots));
+      subject.shoot(row, std::move(shots));
     });
-    EXPECT_GT(subject.tightest_share(), 0.9) << spec << ": the bounds say nothing";
+    EXPECT_GT(subject.seen().bounded_share(), 0.9) << spec << ": the bounds say nothing";
   }
 }
 
@@ -134,7 +76,7 @@ TEST(Stability, RC12_IsolatedSlivers) {
   Row row(12, 5000);
   const char* const aspects[] = {"1e2", "1e4", "1e6", "1e8"};
   for (const char* aspect : aspects) {
-    ExactSubject subject(generated(std::string("slivers 400 12 ") + aspect));
+    ExactSubject subject(placed(generated(std::string("slivers 400 12 ") + aspect)));
     blas::RayMaker maker(*subject.subject().spec().meshes[0].mesh, row.seed());
     row.blocks(row.rays(std::size(aspects)), [&](test::Random&, std::size_t count) {
       std::vector<Shot> shots;
@@ -143,9 +85,9 @@ TEST(Stability, RC12_IsolatedSlivers) {
         Ray ray = i % 2 == 0 ? maker.at_edge() : i % 4 == 1 ? maker.at_vertex() : maker.through_space();
         if (is_valid(ray)) shots.push_back({ray, {}, {}});
       }
-      subject.judge(row, std::move(shots));
+      subject.shoot(row, std::move(shots));
     });
-    EXPECT_GT(subject.tightest_share(), 0.9) << aspect << ": the bounds say nothing";
+    EXPECT_GT(subject.seen().bounded_share(), 0.9) << aspect << ": the bounds say nothing";
   }
 }
 

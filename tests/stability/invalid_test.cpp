@@ -25,8 +25,9 @@ TEST(Stability, RC18_InvalidRays) {
   Row row(18, 4000);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Subject subject(placed(generated("jittered_icosphere 2 18")));
+  const WorldTruth truth(subject.spec());
   const std::array<double, 8> good = {3.0, 0.1, 0.2, -1.0, 0.0, -0.0, 0.0, 1e9};
-  const Shot plain{ray_of(good), {}, every_triangle(subject.scene(), ray_of(good))};
+  const Shot plain = truth.shot(subject.scene(), ray_of(good));
   ASSERT_EQ(plain.expected.kind, Expectation::Kind::kHit);
   std::vector<Shot> shots;
   std::size_t invalid = 0;
@@ -45,7 +46,7 @@ TEST(Stability, RC18_InvalidRays) {
       for (std::size_t i = 3; i < 6; ++i) longest = std::max(longest, std::abs(numbers[i]));
       valid = valid && longest <= 0x1p200 && longest >= 0x1p-200;
       invalid += std::size_t(!valid);
-      shots.push_back({ray, {}, valid ? every_triangle(subject.scene(), ray) : Expectation::invalid()});
+      shots.push_back(valid ? truth.shot(subject.scene(), ray) : Shot{ray, {}, Expectation::invalid()});
       shots.push_back(plain);
     }
   }

@@ -35,17 +35,18 @@ void expect_sound(const MeshSource& source) {
   }
 }
 
-/// Rays of every kind at a mesh, judged by every triangle.
+/// Rays of every kind at a mesh, judged by every triangle and, in exact mode, by the exact reference.
 void shoot_around(Row& row, const std::string& spec, std::size_t rays) {
   const MeshSource source = generated(spec);
   expect_sound(source);
   Subject subject(placed(source));
+  const WorldTruth truth(subject.spec());
   blas::RayMaker maker(*source.mesh, row.seed());
   row.blocks(rays, [&](test::Random&, std::size_t count) {
     std::vector<Shot> shots;
     for (std::size_t i = 0; i < count; ++i) {
       const Ray ray = maker.any().ray;
-      shots.push_back({ray, {}, every_triangle(subject.scene(), ray)});
+      shots.push_back(truth.shot(subject.scene(), ray));
     }
     subject.shoot(row, shots);
   });

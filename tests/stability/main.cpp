@@ -14,7 +14,8 @@ namespace {
 constexpr const char* kHelp =
     R"(One test for each row of the table of failure modes (tests/stability/README.md): Stability.RC01_... to RC44_...
 
-  --rays N       about N rays for each row in place of its own number: 1e9 for a long run
+  --rays N       about N rays for each row in place of its own number: 1e9 for a long run, which tells its progress
+                 and ends after a block of rays when it is interrupted, the ledger written; long.sh runs them
   --ledger FILE  appends a line of JSON for each row: row, rays, questions, failures, seed, upper_bound
                  (3 / rays where nothing failed: the rate is below that with 95 % confidence)
   --seed N       the seed of every row, as the environment variable GRIDCAST_SEED does
@@ -74,5 +75,6 @@ int main(int argc, char** argv) {
     return 2;
   }
   std::cout << "instruction set " << gridcast::instruction_set() << '\n';
+  gridcast::stability::end_when_told();
   return RUN_ALL_TESTS();
 }

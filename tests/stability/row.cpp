@@ -1,5 +1,6 @@
 #include "tests/stability/row.h"
 
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -14,8 +15,11 @@ namespace {
 
 /// Told and saved of one run of a row; the rest is only counted.
 constexpr std::size_t kToldFailures = 8;
+constexpr int kEndedBySignal = 130;
 /// Above this a mesh without a line is not worth a file of the repository.
 constexpr std::size_t kMaxSavedTriangles = 2000;
+
+volatile std::sig_atomic_t end_asked = 0;
 
 std::string row_name(int number) {
   if (number == Row::kCorpus) return "corpus";
@@ -27,6 +31,14 @@ std::string row_name(int number) {
 SuiteOptions& options() {
   static SuiteOptions all{.rays = {}, .ledger = "", .corpus = GRIDCAST_SOURCE_DIR "/tests/stability/corpus"};
   return all;
+}
+
+void end_when_told() {
+  for (const int signal : {SIGINT, SIGTERM}) std::signal(signal, [](int) { end_asked = 1; });
+}
+
+bool told_to_end() {
+  return end_asked != 0;
 }
 
 Row::Row(int number, std::size_t standard_rays)
@@ -41,8 +53,17 @@ Row::~Row() {
   std::cout << name_ << ": " << shot_ << " rays, " << questions_ << " questions, " << failures_
             << " failures";
   if (failures_ == 0 && shot_ != 0) std::cout << " (below " << 3.0 / double(shot_) << " a ray)";
-  std::cout << '\n';
+  std::cout << '\n' << std::flush;
   write_ledger();
+  if (told_to_end()) std::_Exit(kEndedBySignal);
+}
+
+void Row::tell_progress() {
+  constexpr std::chrono::seconds kInterval{10};
+  const auto now = std::chrono::steady_clock::now();
+  if (!options().rays || now - told_ < kInterval) return;
+  told_ = now;
+  std::cout << name_ << ": " << shot_ << " rays so far, " << failures_ << " failures\n" << std::flush;
 }
 
 void Row::fail(const SceneSpec& scene, const Shot& shot, const std::string& what) {

@@ -2,6 +2,7 @@
 // One row of the table of failure modes: its rays, its seed, its failures, and what is kept of them.
 
 #include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -21,8 +22,14 @@ struct SuiteOptions {
 };
 [[nodiscard]] SuiteOptions& options();
 
+/// From now on SIGINT and SIGTERM end the program after the block of rays that is being shot, its ledger
+/// written.
+void end_when_told();
+[[nodiscard]] bool told_to_end();
+
 /// A test of one row makes one of these first. When it goes, the test fails if anything was reported, failing
-/// rays are saved to the corpus, and the ledger gets its line.
+/// rays are saved to the corpus, and the ledger gets its line; where the program was told to end, it does
+/// then.
 class Row {
  public:
   /// Stands for the replay of the corpus, which has no row of its own and saves nothing anew.
@@ -48,6 +55,8 @@ class Row {
       test::Random random(seed_ * 0x9E3779B97F4A7C15U + block_++);
       shoot(random, count);
       done += count;
+      if (told_to_end()) return;
+      tell_progress();
     }
   }
 
@@ -65,6 +74,8 @@ class Row {
  private:
   void save(const SceneSpec& scene, const Shot& shot, const std::string& what) const;
   void write_ledger() const;
+  /// Of long runs, now and then.
+  void tell_progress();
 
   std::string name_;
   std::uint64_t seed_;
@@ -73,6 +84,7 @@ class Row {
   std::size_t shot_ = 0;
   std::size_t questions_ = 0;
   std::size_t failures_ = 0;
+  std::chrono::steady_clock::time_point told_ = std::chrono::steady_clock::now();
   std::vector<std::string> messages_;  ///< of the first failures
 };
 

@@ -4,8 +4,8 @@
 #include <xmmintrin.h>
 
 #include "core/scene/update.h"
+#include "tests/stability/exact_subject.h"
 #include "tests/stability/subject.h"
-#include "tests/stability/truth.h"
 #include "tests/support/closed_mesh.h"
 #include "tests/unit/scene/scene_fixture.h"
 
@@ -24,6 +24,13 @@ Ray toward_instance(const SceneSpec& spec, std::uint32_t id, const Vec3d& origin
   return {origin, where.point(on) - origin};
 }
 
+/// Of what toward_instance() aims, two thirds go to an edge or a corner, where rounding may choose among the
+/// triangles that meet there; whether anything is hit it may choose at borders of soups and at silhouettes.
+void expect_few_undecided(const ExactSubject::Seen& seen) {
+  EXPECT_LT(double(seen.undecided), 0.5 * double(seen.rays));
+  EXPECT_LT(double(seen.flipped), 0.1 * double(seen.rays));
+}
+
 // 25 spheres in one another, from 1e-12 to 1e12 in size: from outside the largest is hit, from the middle the
 // smallest.
 TEST(Stability, RC16_TinyAndHugeInOneScene) {
@@ -33,17 +40,19 @@ TEST(Stability, RC16_TinyAndHugeInOneScene) {
   for (int k = -12; k <= 12; ++k) spec.instances.push_back({0, {Mat3d(std::pow(10.0, k)), Vec3d(0.0)}});
   for (int k = -12; k <= 12; ++k)
     spec.instances.push_back({1, {Mat3d(std::pow(10.0, k)), Vec3d(std::pow(10.0, k + 1), 0.0, 0.0)}});
-  Subject subject(spec);
+  ExactSubject subject(spec);
   row.blocks(row.rays(2), [&](test::Random& random, std::size_t count) {
     std::vector<Shot> shots;
     while (shots.size() < count) {
       const double from = std::pow(10.0, random.uniform(-13.0, 14.0));
       const Vec3d origin = random.below(4) == 0 ? Vec3d(0.0) : from * random.direction();
       const Ray ray = toward_instance(spec, random.below(50), origin, random);
-      if (is_valid(ray)) shots.push_back({ray, {}, every_triangle(subject.scene(), ray)});
+      if (is_valid(ray)) shots.push_back({ray, {}, {}});
     }
-    subject.shoot(row, shots);
+    subject.shoot(row, std::move(shots));
   });
+  subject.seen().tell("25 sizes");
+  expect_few_undecided(subject.seen());
   // Scaled by a power of two nothing changes but the unit.
   const Affine where = {Mat3d(0.75, 0.5, 0, -0.25, 1, 0, 0, 0.5, 2), Vec3d(3, -5, 0.25)};
   const Subject here(placed(spec.meshes[0], where));
@@ -59,10 +68,12 @@ TEST(Stability, RC16_TinyAndHugeInOneScene) {
       }
       Answers expected = here.ask(row, near);
       Answers got = there.ask(row, far);
-      for (std::size_t i = 0; i < near.size(); ++i)
-        if (!same_bits(got.robust[i], expected.robust[i]))
-          row.fail(there.spec(), far[i],
-                   "scaled " + describe(got.robust[i]) + ", here " + describe(expected.robust[i]));
+      for (const Precision precision : kPromising) {
+        const std::vector<SurfaceHit>&one = got.of(precision), &other = expected.of(precision);
+        for (std::size_t i = 0; i < near.size(); ++i)
+          if (!same_bits(one[i], other[i]))
+            row.fail(there.spec(), far[i], "scaled " + describe(one[i]) + ", here " + describe(other[i]));
+      }
     });
   }
 }
@@ -112,21 +123,9 @@ TEST(Stability, RC17_Denormals) {
   }
 }
 
-/// The unit normal of a placed triangle, from the matrix of cofactors in long double: on the side of the
-/// winding in object space.
-glm::tvec3<long double> wide_normal(const SceneSpec& spec, const SurfaceHit& hit) {
-  using Wide = glm::tvec3<long double>;
-  const auto& [mesh, where] = spec.instances[hit.instance_id];
-  const auto corners = spec.meshes[mesh].mesh->corners(hit.primitive_id);
-  const Wide n = glm::cross(Wide(corners[1]) - Wide(corners[0]), Wide(corners[2]) - Wide(corners[0]));
-  const Wide a(where.linear[0]), b(where.linear[1]), c(where.linear[2]);
-  const Wide image = n.x * glm::cross(b, c) + n.y * glm::cross(c, a) + n.z * glm::cross(a, b);
-  const long double sign = glm::dot(a, glm::cross(b, c)) < 0 ? -1 : 1;
-  return sign * image / std::sqrt(glm::dot(image, image));
-}
-
 TEST(Stability, RC22_SkewedAndMirroredInstances) {
   Row row(22, 12000);
+  ExactSubject::Seen seen;
   constexpr std::size_t kRaysPerScene = 120;
   row.blocks(row.rays() / kRaysPerScene, [&](test::Random& random, std::size_t count) {
     for (std::size_t k = 0; k < count; ++k) {
@@ -135,21 +134,16 @@ TEST(Stability, RC22_SkewedAndMirroredInstances) {
       for (int i = 0; i < 6; ++i)
         spec.instances.push_back(
             {random.below(2), scene::random_affine(random, 3.0, std::exp2(random.uniform(-4.0, 1.0)))});
-      const Subject subject(spec);
+      ExactSubject subject(spec);
       std::vector<Shot> shots;
-      for (std::size_t i = 0; i < kRaysPerScene; ++i) {
-        const Ray ray = toward_instance(spec, random.below(6), random.in_box(8.0), random);
-        shots.push_back({ray, {}, every_triangle(subject.scene(), ray)});
-      }
-      const Answers answers = subject.ask(row, shots);
-      for (std::size_t i = 0; i < shots.size(); ++i) {
-        const SurfaceHit& hit = answers.robust[i];
-        if (hit.status != RayStatus::kHit) continue;
-        const long double along = glm::dot(wide_normal(spec, hit), glm::tvec3<long double>(hit.normal));
-        if (!(along > 1.0L - 1e-12L)) row.fail(spec, shots[i], "the normal is off or on the other side");
-      }
+      for (std::size_t i = 0; i < kRaysPerScene; ++i)
+        shots.push_back({toward_instance(spec, random.below(6), random.in_box(8.0), random), {}, {}});
+      subject.judge(row, std::move(shots));
+      seen += subject.seen();
     }
   });
+  seen.tell("skewed and mirrored");
+  expect_few_undecided(seen);
 }
 
 // Scales that differ by up to 1e16 along the axes of the mesh lose nothing (the condition that counts is that
@@ -157,6 +151,7 @@ TEST(Stability, RC22_SkewedAndMirroredInstances) {
 // hit and an update that asks for one is refused.
 TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
   Row row(23, 2000);
+  ExactSubject::Seen seen;
   const MeshSource source = generated("jittered_icosphere 2 23");
   std::vector<std::pair<Affine, bool>> cases;  // and whether it is singular beyond doubt
   test::Random turns(23);
@@ -179,18 +174,25 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
       EXPECT_EQ(added.error().code, ErrorCode::kInvalidArgument);
       EXPECT_EQ(added.error().where, "/edits/0/world_from_object");
     }
-    Subject subject(placed(source, where));
-    EXPECT_EQ(subject.scene().data().warnings.size(), active ? 0U : 1U);
-    row.blocks(row.rays(cases.size()), [&, is_active = active](test::Random& random, std::size_t count) {
+    ExactSubject subject(placed(source, where));
+    EXPECT_EQ(subject.subject().scene().data().warnings.size(), active ? 0U : 1U);
+    row.blocks(row.rays(cases.size()), [&](test::Random& random, std::size_t count) {
       std::vector<Shot> shots;
       for (std::size_t i = 0; i < count; ++i) {
-        const Ray ray = toward_instance(subject.spec(), 0, Vec3d(1, 2, 3) + random.in_box(3.0), random);
-        if (!is_valid(ray)) continue;
-        shots.push_back({ray, {}, is_active ? every_triangle(subject.scene(), ray) : Expectation::miss()});
+        const Ray ray =
+            toward_instance(subject.subject().spec(), 0, Vec3d(1, 2, 3) + random.in_box(3.0), random);
+        if (is_valid(ray)) shots.push_back({ray, {}, {}});
       }
-      subject.shoot(row, shots);
+      subject.shoot(row, std::move(shots));
     });
+    // Where nothing can be hit the reference knows of nothing.
+    if (!active) {
+      EXPECT_EQ(subject.seen().hits, 0U);
+    }
+    seen += subject.seen();
   }
+  seen.tell("nearly singular");
+  expect_few_undecided(seen);
 }
 
 }  // namespace

@@ -153,11 +153,12 @@ void write_case(std::ostream& out, const CaseFile& file) {
         out << ' ' << hex(column);
     out << '\n';
   }
-  for (const auto& [ray, excluded, expected] : file.shots) {
+  for (const auto& [ray, excluded, expected, exact] : file.shots) {
     out << "ray " << hex(ray.origin) << ' ' << hex(ray.direction) << ' ' << hex(ray.tnear) << ' '
         << hex(ray.tfar);
     if (!(excluded == PrimitiveRef{})) out << ' ' << excluded.instance_id << ' ' << excluded.primitive_id;
     out << "\nexpect " << to_string(expected) << '\n';
+    if (exact) out << "exact " << to_string(*exact) << '\n';
   }
 }
 
@@ -189,6 +190,8 @@ CaseFile read_case(std::istream& in) {
       file.shots.push_back(read_ray(words));
     } else if (keyword == "expect" && !file.shots.empty()) {
       file.shots.back().expected = read_expectation(words);
+    } else if (keyword == "exact" && !file.shots.empty()) {
+      file.shots.back().exact = read_expectation(words);
     } else {
       words.fail();
     }

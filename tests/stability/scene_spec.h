@@ -4,6 +4,7 @@
 #include <iosfwd>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -59,6 +60,13 @@ struct Shot {
   Ray ray;
   PrimitiveRef excluded = {};
   Expectation expected = {};
+  /// What `exact` mode must get where that is more than `expected` says or something else: robust mode
+  /// decides about the ray as it is rounded on its way to object space.
+  std::optional<Expectation> exact = {};
+
+  [[nodiscard]] const Expectation& expected_of(Precision precision) const {
+    return precision == Precision::kExact && exact ? *exact : expected;
+  }
 };
 
 /// A file of the corpus. Numbers are hex floats, so nothing is lost:
@@ -73,6 +81,7 @@ struct Shot {
 ///     instance 0                         of mesh 0 where it is, or with 12 numbers: x, y, z axis,
 ///     translation ray ox oy oz dx dy dz tnear tfar   and, where a primitive is left out, its instance and
 ///     number expect hit 0 7                     or: agreement, miss, invalid, hit, hit I P T SLACK
+///     exact miss                         in `exact` mode, where it is something else
 struct CaseFile {
   std::string what;
   std::string source;

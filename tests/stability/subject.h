@@ -16,16 +16,16 @@
 namespace gridcast::stability {
 
 /// Everything that promises something; a new mode is one more entry.
-inline constexpr std::array kPrecisions{Precision::kFast, Precision::kRobust};
+inline constexpr std::array kPrecisions{Precision::kFast, Precision::kRobust, Precision::kExact};
 /// Those that promise which hits there are.
-inline constexpr std::array kPromising{Precision::kRobust};
+inline constexpr std::array kPromising{Precision::kRobust, Precision::kExact};
 [[nodiscard]] std::string_view to_string(Precision precision);
 
 /// The closest hits of the binary BVH, ray by ray: what all others were compared with.
 struct Answers {
-  std::vector<SurfaceHit> fast, robust;
+  std::vector<SurfaceHit> fast, robust, exact;
   [[nodiscard]] std::vector<SurfaceHit>& of(Precision precision) {
-    return precision == Precision::kFast ? fast : robust;
+    return precision == Precision::kFast ? fast : precision == Precision::kExact ? exact : robust;
   }
 };
 
@@ -40,14 +40,18 @@ class Subject {
   [[nodiscard]] const scene::Scene& scene() const { return *structures_.front().scene; }
 
   /// Asks all structures all rays. To `row` it reports every answer that differs by a bit from the binary
-  /// BVH's, whatever is not a number, and every robust answer that is not what the shot expects. Brute force
-  /// gets as many of the first rays as it can afford.
-  Answers ask(Row& row, std::span<const Shot> shots) const;
+  /// BVH's, whatever is not a number, and every promised answer that is not what the shot expects. Brute
+  /// force gets as many of the first rays as it can afford; in exact mode the other structures get a quarter
+  /// of them.
+  Answers ask(Row& row, std::span<const Shot> shots,
+              std::span<const Precision> precisions = kPrecisions) const;
 
   /// For many rays: ask() for the first kAskedRays, then each block is asked of one structure through one of
   /// the batch doors, in turn, and only what the shots expect is checked.
   void shoot(Row& row, std::span<const Shot> shots);
-  static constexpr std::size_t kAskedRays = 8192;
+  static constexpr std::size_t kAskedRays = 4096;
+  /// The scene in one structure after the other, brute force left out.
+  [[nodiscard]] const scene::Scene& next_structure();
 
  private:
   struct Structure {
@@ -56,8 +60,9 @@ class Subject {
     bool brute_force = false;
   };
   class Asking;
-  /// Whether brute force can afford the rays of a block.
-  [[nodiscard]] std::size_t affordable(const Structure& structure, std::size_t count) const;
+  /// How many rays of a block the structure is asked.
+  [[nodiscard]] std::size_t affordable(const Structure& structure, std::size_t count,
+                                       Precision precision = Precision::kRobust) const;
 
   SceneSpec spec_;
   std::vector<Structure> structures_;

@@ -25,4 +25,15 @@ Expectation every_triangle(const scene::Scene& scene, const Ray& ray) {
   return hit.valid() ? Expectation::hit({hit.instance_id, hit.primitive_id}, hit.t) : Expectation::miss();
 }
 
+Expectation exactly(const std::optional<measure::exact::Hit>& hit) {
+  if (!hit) return Expectation::miss();
+  // t is promised within 2^-52 of itself; the nearest double to the true one is off by half of that.
+  const double t = hit->at.t.to_double();
+  return Expectation::hit(hit->primitive, t, 0x1.8p-52 * std::abs(t));
+}
+
+Expectation WorldTruth::closest(const Ray& ray) const {
+  return exactly(exact_->closest(ray));
+}
+
 }  // namespace gridcast::stability
