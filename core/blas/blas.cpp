@@ -258,20 +258,29 @@ bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);
 }
 
-template <Precision kPrecision>
-PacketResult Blas::intersect_packet(const RayPacket& packet, Hit* best) const {
+template <Precision kPrecision, bool kAnyHit, class Packet, class Best>
+PacketResult Blas::trace_packet(const Packet& packet, Best* best) const {
   const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
   if (wide == nullptr) return {};
-  return (*wide)->intersect_packet<kPrecision, false>(bounds_, packet, best);
+  return (*wide)->intersect_packet<kPrecision, kAnyHit>(bounds_, packet, best);
+}
+
+template <Precision kPrecision>
+PacketResult Blas::intersect_packet(const RayPacket& packet, Hit* best) const {
+  return trace_packet<kPrecision, false>(packet, best);
 }
 
 template <Precision kPrecision>
 PacketResult Blas::occluded_packet(const RayPacket& packet) const {
-  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
-  if (wide == nullptr) return {};
-  Hit best[RayPacket::kSize];
-  for (std::size_t lane = 0; lane < RayPacket::kSize; ++lane) best[lane].t = packet.tfar[lane];
-  return (*wide)->intersect_packet<kPrecision, true>(bounds_, packet, best);
+  return trace_packet<kPrecision, true>(packet, static_cast<Hit*>(nullptr));
+}
+
+PacketResult Blas::intersect_packet_exact(const ExactPacket& packet, mesh::ExactBest* best) const {
+  return trace_packet<Precision::kExact, false>(packet, best);
+}
+
+PacketResult Blas::occluded_packet_exact(const ExactPacket& packet) const {
+  return trace_packet<Precision::kExact, true>(packet, static_cast<mesh::ExactBest*>(nullptr));
 }
 
 template PacketResult Blas::intersect_packet<Precision::kFast>(const RayPacket&, Hit*) const;

@@ -108,8 +108,9 @@ class HitSink {
 
 /// Decides about a triangle and offers it where the ray meets it.
 template <Precision kPrecision, Collector C>
-inline Offer test_triangle(const mesh::ObjectRay& ray, const Vec3f& p0, const Vec3f& p1, const Vec3f& p2,
-                           std::uint32_t primitive_id, C& collector) {
+[[gnu::always_inline]] inline Offer test_triangle(const mesh::ObjectRay& ray, const Vec3f& p0,
+                                                  const Vec3f& p1, const Vec3f& p2,
+                                                  std::uint32_t primitive_id, C& collector) {
   typename C::Candidate hit;
   if constexpr (kPrecision == Precision::kExact) {
     if (!mesh::intersect_triangle_exact(ray, {ray, p0, p1, p2}, primitive_id, hit)) return Offer::kGoOn;

@@ -9,7 +9,7 @@
 
 #include <hwy/highway.h>
 
-#include "core/blas/ray_packet.h"
+#include "core/blas/exact_packet.h"
 #include "core/math/bounds.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -240,13 +240,14 @@ HWY_INLINE void set_ranges(const RayPacket& packet, PacketFrame& frame) {
   frame.far_z = -(frame.plane_z * frame.sign_z) + frame.pad;
 }
 
-/// Sets `frame` for the rays of `packet`; false when they are too far apart. `bounds` holds the mesh.
-HWY_INLINE bool set_up(const RayPacket& packet, const Bounds3f& bounds, PacketFrame& frame) {
+/// Sets `frame` for the rays of `packet`; false when they are too far apart. `bounds` holds the mesh, `drift`
+/// is that of the rays, which widens the pad as in ObjectRay::prepare.
+HWY_INLINE bool set_up(const RayPacket& packet, const Bounds3f& bounds, double drift, PacketFrame& frame) {
   MovedRays moved;
   if (!choose_axes(packet, frame) || !set_slopes(packet, frame, moved) ||
       !move_origins(packet, bounds, frame, moved))
     return false;
-  frame.pad = float(0x1p-19 * moved.size + 0x1p-100);
+  frame.pad = float(0x1p-19 * moved.size + 0x1p-100 + 16.0 * drift);
   const double apart = 0.5 * std::max(moved.origins[0].size(), moved.origins[1].size());
   const double turned = 0.5 * std::max(moved.slopes[0].size(), moved.slopes[1].size());
   frame.common_origin = apart <= 0x1p-24 * moved.size;

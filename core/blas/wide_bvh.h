@@ -10,8 +10,8 @@
 #include "core/blas/blas.h"
 #include "core/blas/bvh_node.h"
 #include "core/blas/collector.h"
+#include "core/blas/exact_packet.h"
 #include "core/blas/point_sink.h"
-#include "core/blas/ray_packet.h"
 #include "core/blas/triangle_block.h"
 #include "core/blas/uninitialized_allocator.h"
 
@@ -108,9 +108,11 @@ class WideBvh {
   /// Offers the triangles around sink.center(); see PointSink.
   void search(const mesh::TriangleMesh& mesh, PointSink& sink) const;
 
-  /// The same for a packet: best[lane] as `intersect` would leave it, lane by lane. `bounds` are the mesh's.
+  /// The same for a packet: best[lane] as `intersect` would leave it, lane by lane; not used for any hit.
+  /// `bounds` are the mesh's.
   template <Precision kPrecision, bool kAnyHit>
-  PacketResult intersect_packet(const Bounds3f& bounds, const RayPacket& packet, Hit* best) const;
+  PacketResult intersect_packet(const Bounds3f& bounds, const PacketOf<kPrecision>& packet,
+                                BestOf<kPrecision>* best) const;
 
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;

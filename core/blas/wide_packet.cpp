@@ -1,14 +1,15 @@
 // Packets through the wide tree, compiled once per instruction set and chosen at run time by Highway.
-// All of it only culls; mesh::intersect_primitive decides, so hits are those of single rays.
+// All of it only culls; test_triangle decides, so hits are those of single rays.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/blas/wide_packet.cpp"  // NOLINT: Highway includes this file once per target
 
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "core/blas/collector.h"
+#include "core/blas/exact_packet.h"
 #include "core/blas/packet_frame-inl.h"
 #include "core/blas/packet_triangles-inl.h"
-#include "core/blas/ray_packet.h"
 #include "core/blas/wide_bvh.h"
 #include "core/mesh/triangle_test.h"
 
@@ -22,12 +23,16 @@ namespace gridcast::blas::HWY_NAMESPACE {
 template <Precision kPrecision, bool kAnyHit>
 class PacketWalk {
  public:
+  using Packet = PacketOf<kPrecision>;
+  using Best = BestOf<kPrecision>;
+
+  /// `best` is for closest hits alone.
   HWY_INLINE PacketWalk(const WideNode* nodes, const TriangleBlock* blocks, const Bounds3f& bounds,
-                        const RayPacket& packet, Hit* best)
+                        const Packet& packet, Best* best)
       : nodes_(nodes), blocks_(blocks), bounds_(bounds), packet_(packet), best_(best) {}
 
   HWY_INLINE PacketResult run() {
-    if (!set_up(packet_, bounds_, frame_)) return {};
+    if (!set_up(packet_, bounds_, largest_drift(packet_), frame_)) return {};
     active_ = (1U << packet_.count) - 1;
     for (int axis = 0; axis < 3; ++axis) {
       const float direction = axis == 2 ? frame_.sign_z : frame_.slab[axis].inverse_low;
@@ -43,6 +48,8 @@ class PacketWalk {
   }
 
  private:
+  static constexpr bool kExact = kPrecision == Precision::kExact;
+
   /// A child to visit: s_enter of the bundle in the upper half, node * 8 + slot in the lower.
   using Entry = std::int64_t;
 
@@ -185,17 +192,29 @@ class PacketWalk {
   /// What decides about a ray and a triangle that no filter rejected. True when the ray's s_far changed.
   HWY_INLINE bool decide(const TriangleBlock& block, std::size_t lane, std::uint32_t r) {
     if ((prepared_ >> r & 1U) == 0 && !prepare_ray(r)) return true;
-    if (!mesh::intersect_primitive<kPrecision>(rays_[r], block.corner(0, lane), block.corner(1, lane),
-                                               block.corner(2, lane), block.ids[lane], best_[r]))
+    auto collector = collector_of(r);
+    if (test_triangle<kPrecision>(rays_[r], block.corner(0, lane), block.corner(1, lane),
+                                  block.corner(2, lane), block.ids[lane], collector) == Offer::kGoOn)
       return false;
     hits_ |= 1U << r;
     if constexpr (kAnyHit) {
       switch_off(r);
     } else {
-      const double s = best_[r].t * frame_.scale[r] - frame_.shift[r];
+      const double s = collector.tfar() * frame_.scale[r] - frame_.shift[r];
       frame_.s_far[r] = float(s + std::abs(s) * 0x1p-22) + frame_.pad;
     }
     return true;
+  }
+
+  HWY_INLINE auto collector_of(std::uint32_t r) const {
+    if constexpr (kAnyHit && kExact)
+      return ExactAny{packet_.tfar[r]};
+    else if constexpr (kAnyHit)
+      return AnyHit{packet_.tfar[r]};
+    else if constexpr (kExact)
+      return ExactClosest{best_[r]};
+    else
+      return ClosestHit{best_[r]};
   }
 
   /// The ray enters no box any more, and the bundle ends with the rays that are left.
@@ -227,6 +246,13 @@ class PacketWalk {
       ray.distance = max_abs(ray.origin) + double(bounds_.magnitude());
       ray.side_error = 0x1p-45 * ray.distance * ray.distance;
     }
+    if constexpr (kExact) {
+      mesh::ExactRay& exact = exact_[r];
+      exact.world = packet_.world[r];
+      exact.world_from_object = packet_.world_from_object;
+      exact.mesh = packet_.mesh;
+      exact.attach_to(ray, packet_.image(r));
+    }
     ray.instance_id = packet_.instance_id;
     ray.excluded_primitive = packet_.excluded_primitive[r];
     prepared_ |= 1U << r;
@@ -236,8 +262,8 @@ class PacketWalk {
   const WideNode* nodes_;
   const TriangleBlock* blocks_;
   const Bounds3f& bounds_;
-  const RayPacket& packet_;
-  Hit* best_;
+  const Packet& packet_;
+  Best* best_;
   PacketFrame frame_;
   int near_plane_[3];
   int far_plane_[3];
@@ -246,6 +272,7 @@ class PacketWalk {
   std::uint32_t prepared_ = 0;
   std::uint32_t hits_ = 0;
   mesh::ObjectRay rays_[kLanes];
+  mesh::ExactRay exact_[kExact ? kLanes : 1];  // of `exact` alone
 };
 
 PacketResult packet_closest_fast(const WideNode* n, const TriangleBlock* b, const Bounds3f& box,
@@ -264,6 +291,14 @@ PacketResult packet_any_robust(const WideNode* n, const TriangleBlock* b, const 
                                const RayPacket& p, Hit* h) {
   return PacketWalk<Precision::kRobust, true>(n, b, box, p, h).run();
 }
+PacketResult packet_closest_exact(const WideNode* n, const TriangleBlock* b, const Bounds3f& box,
+                                  const ExactPacket& p, mesh::ExactBest* h) {
+  return PacketWalk<Precision::kExact, false>(n, b, box, p, h).run();
+}
+PacketResult packet_any_exact(const WideNode* n, const TriangleBlock* b, const Bounds3f& box,
+                              const ExactPacket& p, mesh::ExactBest* h) {
+  return PacketWalk<Precision::kExact, true>(n, b, box, p, h).run();
+}
 
 }  // namespace gridcast::blas::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -275,13 +310,19 @@ HWY_EXPORT(packet_closest_fast);
 HWY_EXPORT(packet_any_fast);
 HWY_EXPORT(packet_closest_robust);
 HWY_EXPORT(packet_any_robust);
+HWY_EXPORT(packet_closest_exact);
+HWY_EXPORT(packet_any_exact);
 
 template <Precision kPrecision, bool kAnyHit>
-PacketResult WideBvh::intersect_packet(const Bounds3f& bounds, const RayPacket& packet, Hit* best) const {
+PacketResult WideBvh::intersect_packet(const Bounds3f& bounds, const PacketOf<kPrecision>& packet,
+                                       BestOf<kPrecision>* best) const {
   if (nodes().empty()) return {true, 0};
   const WideNode* n = nodes().data();
   const TriangleBlock* b = blocks().data();
-  if constexpr (kPrecision == Precision::kFast) {
+  if constexpr (kPrecision == Precision::kExact) {
+    if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(packet_any_exact)(n, b, bounds, packet, best);
+    return HWY_DYNAMIC_DISPATCH(packet_closest_exact)(n, b, bounds, packet, best);
+  } else if constexpr (kPrecision == Precision::kFast) {
     if constexpr (kAnyHit) return HWY_DYNAMIC_DISPATCH(packet_any_fast)(n, b, bounds, packet, best);
     return HWY_DYNAMIC_DISPATCH(packet_closest_fast)(n, b, bounds, packet, best);
   } else {
@@ -298,6 +339,10 @@ template PacketResult WideBvh::intersect_packet<Precision::kRobust, false>(const
                                                                            Hit*) const;
 template PacketResult WideBvh::intersect_packet<Precision::kRobust, true>(const Bounds3f&, const RayPacket&,
                                                                           Hit*) const;
+template PacketResult WideBvh::intersect_packet<Precision::kExact, false>(const Bounds3f&, const ExactPacket&,
+                                                                          mesh::ExactBest*) const;
+template PacketResult WideBvh::intersect_packet<Precision::kExact, true>(const Bounds3f&, const ExactPacket&,
+                                                                         mesh::ExactBest*) const;
 
 }  // namespace gridcast::blas
 #endif  // HWY_ONCE

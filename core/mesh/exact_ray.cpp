@@ -83,31 +83,29 @@ constexpr double kMostReach = 0x1p110;
 
 }  // namespace
 
-bool ExactRay::prepare(ObjectRay& object, const Ray& ray, const InstanceTransform& transform,
-                       const TriangleMesh& triangles, const Bounds3f& bounds, double far) {
-  world = &ray;
-  world_from_object = &transform.world_from_object();
-  mesh = &triangles;
+ExactImage exact_image(const Ray& ray, const InstanceTransform& transform, const Bounds3f& bounds) {
   Image origin{transform.point_to_object(ray.origin), 0.0};
   Image direction{transform.vector_to_object(ray.direction), 0.0};
-  const Vec3d& placed = world_from_object->translation;
+  const Affine& placed = transform.world_from_object();
   const double mesh_size = double(bounds.magnitude());
-  if (is_identity(world_from_object->linear) && is_identity(transform.object_from_world_linear())) {
+  bool is_image = false;
+  if (is_identity(placed.linear) && is_identity(transform.object_from_world_linear())) {
     for (int axis = 0; axis < 3; ++axis)
-      origin.error = std::max(origin.error, std::abs(two_difference(ray.origin[axis], placed[axis]).low));
+      origin.error =
+          std::max(origin.error, std::abs(two_difference(ray.origin[axis], placed.translation[axis]).low));
     is_image = origin.error == 0.0;
   } else {
-    is_image = false;
     const double inverse_error =
         33.0 / 32.0 * row_sum_norm(transform.object_from_world_linear()) * transform.round_trip_error();
-    const double offset = max_abs(ray.origin - placed);
+    const double offset = max_abs(ray.origin - placed.translation);
     origin.error = kRoundUp * inverse_error * offset + kTiny;
     direction = direction_image(transform, ray.direction, inverse_error);
     const double reach = max_abs(origin.value) + mesh_size;
     const double turn = direction.error / max_abs(direction.value);
     if (!(origin.error + turn * reach <= kWorthRefining * reach)) {
-      const TwoTerm y[3] = {two_difference(ray.origin.x, placed.x), two_difference(ray.origin.y, placed.y),
-                            two_difference(ray.origin.z, placed.z)};
+      const TwoTerm y[3] = {two_difference(ray.origin.x, placed.translation.x),
+                            two_difference(ray.origin.y, placed.translation.y),
+                            two_difference(ray.origin.z, placed.translation.z)};
       origin = refine(transform, y, offset, origin);
       const TwoTerm z[3] = {{ray.direction.x, 0.0}, {ray.direction.y, 0.0}, {ray.direction.z, 0.0}};
       direction = refine(transform, z, max_abs(ray.direction), direction);
@@ -117,16 +115,31 @@ bool ExactRay::prepare(ObjectRay& object, const Ray& ray, const InstanceTransfor
   const double reach = max_abs(origin.value) + mesh_size;
   const double turn = direction.error / max_abs(direction.value);
   constexpr double kMostTurn = 0x1p-6;
-  is_close = turn <= kMostTurn && reach + origin.error < kMostReach;
+  const bool is_close = turn <= kMostTurn && reach + origin.error < kMostReach;
   const double drift = is_close ? kRoundUp * (origin.error + turn * reach) : 0.0;
-  const bool may_hit = object.prepare({origin.value, direction.value, ray.tnear, far}, bounds, drift);
-  if (is_close && !may_hit) return false;
-  object.exact = this;
-  corner_error = is_close ? kRoundUp * (0x1p-50 * object.distance + 2.25 * drift)
-                          : std::numeric_limits<double>::infinity();
-  t_error = kRoundUp * (1.125 * drift + 0x1p-48 * object.distance) / std::abs(object.direction_z);
-  object.side_error = 16.5 * corner_error * (object.distance + corner_error) + kTiny;
+  return {origin.value, direction.value, drift, is_close, is_image};
+}
+
+bool ExactRay::prepare(ObjectRay& object, const Ray& ray, const InstanceTransform& transform,
+                       const TriangleMesh& triangles, const Bounds3f& bounds, double far) {
+  world = &ray;
+  world_from_object = &transform.world_from_object();
+  mesh = &triangles;
+  const ExactImage image = exact_image(ray, transform, bounds);
+  const bool may_hit = object.prepare({image.origin, image.direction, ray.tnear, far}, bounds, image.drift);
+  if (image.is_close && !may_hit) return false;
+  attach_to(object, image);
   return true;
+}
+
+void ExactRay::attach_to(ObjectRay& object, const ExactImage& image) {
+  is_close = image.is_close;
+  is_image = image.is_image;
+  object.exact = this;
+  corner_error = is_close ? kRoundUp * (0x1p-50 * object.distance + 2.25 * image.drift)
+                          : std::numeric_limits<double>::infinity();
+  t_error = kRoundUp * (1.125 * image.drift + 0x1p-48 * object.distance) / std::abs(object.direction_z);
+  object.side_error = 16.5 * corner_error * (object.distance + corner_error) + kTiny;
 }
 
 }  // namespace gridcast::mesh

@@ -7,19 +7,26 @@
 
 namespace gridcast::mesh {
 
+/// The image of a world ray in the object space of an instance as doubles have it, and how far it may be from
+/// the true one (derivation: exact_ray.cpp), o* + t d* with A o* + T = o and A d* = d in real arithmetic.
+struct ExactImage {
+  Vec3d origin, direction;
+  double drift;   ///< as ObjectRay::prepare takes it; 0 where the image is not close
+  bool is_close;  ///< whether the image is worth anything; not where an instance is squeezed by 1e14 and more
+  bool is_image;  ///< the image is (o*, d*) to the last bit
+};
+/// `bounds` is that of the mesh.
+[[nodiscard]] ExactImage exact_image(const Ray& ray, const InstanceTransform& transform,
+                                     const Bounds3f& bounds);
+
 /// What `exact` mode knows of a ray in one instance beside its ObjectRay: the problem that the stored numbers
-/// pose, and how far the rounded object-space ray may be from it (derivation: exact_ray.cpp).
-///
-/// A ray of the exact problem is o* + t d* in object space, with A o* + T = o and A d* = d in real
-/// arithmetic.
+/// pose, and bounds of what the triangle test may get wrong.
 struct ExactRay {
   const Ray* world;
   const Affine* world_from_object;
   const TriangleMesh* mesh;
-  /// Whether the object-space ray is worth anything. If not (an instance squeezed by 1e14 and more), no
-  /// triangle may be culled by it, and none is decided in double.
-  bool is_close;
-  bool is_image;        ///< the object-space ray is (o*, d*) to the last bit
+  bool is_close;  ///< of the image; if not, no triangle may be culled by it, and none is decided in double
+  bool is_image;  ///< of the image
   double corner_error;  ///< of a sheared corner: e of intersect_triangle_exact
   double t_error;       ///< of t, but for what the edge functions add
 
@@ -28,6 +35,9 @@ struct ExactRay {
   /// the mesh.
   bool prepare(ObjectRay& object, const Ray& ray, const InstanceTransform& transform,
                const TriangleMesh& triangles, const Bounds3f& bounds, double far);
+  /// The part of prepare() that follows the preparation of `object` for the image; sets all but the pointers
+  /// here.
+  void attach_to(ObjectRay& object, const ExactImage& image);
 };
 
 }  // namespace gridcast::mesh

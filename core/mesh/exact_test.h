@@ -10,11 +10,16 @@ namespace gridcast::mesh {
 /// A hit of the exact problem, with its t known to lie within t_error of `t`.
 struct ExactHit : TriangleHit {
   double t_error;
+  /// Bits of the sides known to be 0, of u, v and w: the ray meets an edge, or a corner where two are.
+  std::uint8_t zero_sides = 0;
+  bool rough_weights = false;  ///< u and v are off by a few roundings more than those of others
 };
 
 namespace detail {
 
-/// What exact arithmetic says about the triangle, t_error then being a rounding or two.
+/// What exact arithmetic says about the triangle. Sums of error-free products decide where the object-space
+/// ray is the image to the last bit: of the products of a ray along an axis most are 0, so that they are few.
+/// Integers decide the rest.
 [[nodiscard]] bool decide_exactly(const ObjectRay& ray, std::uint32_t primitive_id, ExactHit& hit);
 
 }  // namespace detail
@@ -59,6 +64,8 @@ namespace detail {
   hit.u = sides.v * inverse;
   hit.v = sides.w * inverse;
   hit.t = (a.z + (hit.u * to_b + hit.v * to_c)) * inverse_z;
+  hit.zero_sides = 0;
+  hit.rough_weights = false;
   hit.t_error = ray.exact->t_error +
                 12.0 * bound * std::max(std::abs(to_b), std::abs(to_c)) * std::abs(inverse * inverse_z);
   return true;
@@ -66,21 +73,26 @@ namespace detail {
 
 /// The closest hit found so far, in the order of the exact problem.
 struct ExactBest {
-  Hit hit;       ///< t is near the exact one; finish() makes it as near as a double can be
+  Hit hit;       ///< t is near the exact one
   double lower;  ///< the exact t lies in [lower, upper]; `upper` starts as tfar
   double upper;
   const Affine* world_from_object = nullptr;  ///< of the hit's instance
   const TriangleMesh* mesh = nullptr;         ///< of the hit
+  std::uint8_t zero_sides = 0;                ///< of the hit, as in ExactHit
+  bool rough_weights = false;
 
-  explicit ExactBest(double tfar) : lower(tfar), upper(tfar) { hit.t = tfar; }
+  explicit ExactBest(double tfar = 0.0) : lower(tfar), upper(tfar) { hit.t = tfar; }
 
   /// Keeps the candidate when it lies in [tnear, tfar] and is closer by the tie rule. True when it was kept.
   bool keep_closer(const ObjectRay& ray, const ExactHit& candidate, std::uint32_t primitive_id);
-  /// Sets hit.t to the exact t of a valid hit within an ulp.
-  void finish(const Ray& world);
+  /// Sets u and v of a valid hit to what a bound or integers give, where that was put off.
+  void finish_weights(const Ray& world);
 
  private:
-  [[nodiscard]] bool closer_exactly(const ObjectRay& ray, std::uint32_t primitive_id) const;
+  [[nodiscard]] bool closer_exactly(const ObjectRay& ray, const ExactHit& candidate,
+                                    std::uint32_t primitive_id) const;
+  [[nodiscard]] bool at_same_point(const ObjectRay& ray, const ExactHit& candidate,
+                                   std::uint32_t primitive_id) const;
 };
 
 /// Whether a hit of the exact problem lies in [tnear, tfar] and is not the excluded one.

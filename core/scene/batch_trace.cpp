@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/blas/exact_packet.h"
 #include "core/scene/trace_one.h"
 
 namespace gridcast::scene {
 namespace {
 
+using blas::ExactPacket;
 using blas::PacketResult;
 using blas::RayPacket;
 
@@ -20,21 +22,32 @@ bool may_be_close(const Ray& a, const Ray& b) {
          2.0 * blas::kMaxPacketSlopes * size_a * size_b;
 }
 
-/// Fills the packet's lanes with the rays `index[0 .. count)` in the object space of the target's only
-/// instance.
-void fill_packet(const BatchTarget& target, const RayRun& run, const std::uint32_t* index,
-                 RayPacket& packet) {
+bool set_lane(const BatchTarget& target, const Ray& ray, std::size_t lane, RayPacket& packet) {
   const InstanceTransform& transform = target.sole->transform;
+  packet.set(lane, {transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
+                    ray.tnear, ray.tfar});
+  return true;
+}
+bool set_lane(const BatchTarget& target, const Ray& ray, std::size_t lane, ExactPacket& packet) {
+  const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
+  packet.world_from_object = &target.sole->transform.world_from_object();
+  packet.mesh = &blas.mesh();
+  return packet.set_image(lane, ray, mesh::exact_image(ray, target.sole->transform, blas.bounds()));
+}
+
+/// Fills the packet's lanes with the rays `index[0 .. count)` in the object space of the target's only
+/// instance. False when one of them cannot go with others.
+template <class Packet>
+bool fill_packet(const BatchTarget& target, const RayRun& run, const std::uint32_t* index, Packet& packet) {
   for (std::size_t lane = 0; lane < RayPacket::kSize; ++lane) {
     const std::size_t i = index[std::min(lane, std::size_t(packet.count) - 1)];
-    const Ray& ray = run.rays[i];
-    packet.set(lane, {transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
-                      ray.tnear, ray.tfar});
+    if (!set_lane(target, run.rays[i], lane, packet)) return false;
     const PrimitiveRef excluded = run.excluded.empty() ? PrimitiveRef{} : run.excluded[i];
     packet.excluded_primitive[lane] =
         excluded.instance_id == target.sole_id ? excluded.primitive_id : kInvalidId;
   }
   packet.instance_id = target.sole_id;
+  return true;
 }
 
 /// Whether a valid ray hits the target's only instance; keeps the closest hit in `best` unless any will do.
@@ -77,24 +90,46 @@ void trace_single(const BatchTarget& target, RayRun& run, std::size_t i) {
   ++run.single_rays;
 }
 
+/// The packet of the rays index[0 .. count); keeps their closest hits.
+template <Precision kPrecision, bool kAnyHit>
+PacketResult trace_packet(const BatchTarget& target, const blas::PacketOf<kPrecision>& packet, RayRun& run,
+                          const std::uint32_t* index) {
+  constexpr bool kExact = kPrecision == Precision::kExact;
+  const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
+  if constexpr (kAnyHit) {
+    if constexpr (kExact)
+      return blas.occluded_packet_exact(packet);
+    else
+      return blas.template occluded_packet<kPrecision>(packet);
+  } else {
+    blas::BestOf<kPrecision> best[RayPacket::kSize];
+    PacketResult result;
+    if constexpr (kExact) {
+      for (std::uint32_t lane = 0; lane < RayPacket::kSize; ++lane)
+        best[lane] = mesh::ExactBest(packet.tfar[lane]);
+      result = blas.intersect_packet_exact(packet, best);
+    } else {
+      for (std::uint32_t lane = 0; lane < RayPacket::kSize; ++lane) best[lane].t = packet.tfar[lane];
+      result = blas.template intersect_packet<kPrecision>(packet, best);
+    }
+    for (std::uint32_t lane = 0; result.traced && lane < packet.count; ++lane) {
+      if constexpr (kExact)
+        finish_exact(run.rays[index[lane]], best[lane], run.hits[index[lane]]);
+      else
+        run.hits[index[lane]] = best[lane];
+    }
+    return result;
+  }
+}
+
 /// The rays index[0 .. count) together. False when they are too far apart.
 template <Precision kPrecision, bool kAnyHit>
 bool trace_together(const BatchTarget& target, RayRun& run, const std::uint32_t* index, std::uint32_t count) {
   if (!may_be_close(run.rays[index[0]], run.rays[index[count - 1]])) return false;
-  const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
-  RayPacket packet;
+  blas::PacketOf<kPrecision> packet;
   packet.count = count;
-  fill_packet(target, run, index, packet);
-  PacketResult result;
-  if constexpr (kAnyHit) {
-    result = blas.template occluded_packet<kPrecision>(packet);
-  } else {
-    Hit best[RayPacket::kSize];
-    for (std::uint32_t lane = 0; lane < RayPacket::kSize; ++lane) best[lane].t = packet.tfar[lane];
-    result = blas.template intersect_packet<kPrecision>(packet, best);
-    if (result.traced)
-      for (std::uint32_t lane = 0; lane < count; ++lane) run.hits[index[lane]] = best[lane];
-  }
+  if (!fill_packet(target, run, index, packet)) return false;
+  const PacketResult result = trace_packet<kPrecision, kAnyHit>(target, packet, run, index);
   if (!result.traced) return false;
   for (std::uint32_t lane = 0; lane < count; ++lane)
     run.status[index[lane]] = (result.hits >> lane & 1U) != 0 ? RayStatus::kHit : RayStatus::kMiss;
@@ -140,9 +175,7 @@ bool trace_run(const BatchTarget& target, RayRun& run, const std::stop_token& st
   const std::size_t count = run.rays.size();
   run.status.resize(count);
   if constexpr (!kAnyHit) run.hits.resize(count);
-  // `exact` knows no packets.
-  const bool packets = kPrecision != Precision::kExact && target.sole != nullptr &&
-                       target.scene.blas(target.sole->mesh_id).has_packets();
+  const bool packets = target.sole != nullptr && target.scene.blas(target.sole->mesh_id).has_packets();
   std::uint32_t together[RayPacket::kSize];
   std::uint32_t waiting = 0;
   bool stopped = false;
@@ -152,10 +185,8 @@ bool trace_run(const BatchTarget& target, RayRun& run, const std::stop_token& st
   };
   const auto flush = [&] {
     stopped = stopped || stop.stop_requested();
-    bool traced = stopped;
-    if constexpr (kPrecision != Precision::kExact)
-      traced = traced || (waiting >= kFewestTogether &&
-                          trace_together<kPrecision, kAnyHit>(target, run, together, waiting));
+    const bool traced = stopped || (waiting >= kFewestTogether &&
+                                    trace_together<kPrecision, kAnyHit>(target, run, together, waiting));
     for (std::uint32_t k = 0; k < waiting && !traced; ++k) trace_alone(together[k]);
     waiting = 0;
   };

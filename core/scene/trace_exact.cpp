@@ -1,11 +1,8 @@
 #include "core/scene/trace_exact.h"
 
-#include <cmath>
 #include <limits>
 
-#include "core/mesh/exact_test.h"
-#include "core/mesh/exact_triangle.h"
-#include "core/scene/world_plane.h"
+#include "core/scene/exact_t.h"
 
 namespace gridcast::scene {
 namespace {
@@ -30,22 +27,6 @@ struct ExactQuery {
   }
 };
 
-/// The exact t of a hit, within 2^-52 of itself, from one that is near it: t - t* = height(o + t d) / slope,
-/// as in t_error. With 2^-50 relative error of the quotient and the bounds of its two sides, the corrected t
-/// is off by less than
-///   error / slope + 2^-49 |correction| + 2^-53 |t|.
-/// Where that is too much to promise, integers divide.
-double accurate_t(const Ray& ray, const Affine& placed, const std::array<Vec3f, 3>& corners, double t) {
-  const WorldPlane plane(placed, corners);
-  const Certified height = plane.height(ray, t);
-  const Certified slope = plane.along(ray.direction);
-  const double correction = height.high / slope.high;
-  const double error = height.error / slope.least_size() + 0x1p-49 * std::abs(correction);
-  const double corrected = t - correction;
-  if (slope.error <= 0x1p-51 * slope.size() && error <= 0x1p-54 * std::abs(corrected)) return corrected;
-  return mesh::ExactTriangle(ray, placed, corners).t();
-}
-
 }  // namespace
 
 void closest_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
@@ -55,9 +36,14 @@ void closest_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& e
     if (const blas::Blas* blas = query.enter(id, found.upper)) blas->intersect_exact(query.object_ray, found);
     return found.upper;
   });
+  finish_exact(ray, found, best);
+}
+
+void finish_exact(const Ray& ray, mesh::ExactBest& found, Hit& best) {
   if (!found.hit.valid()) return;
+  found.finish_weights(ray);
   best = found.hit;
-  best.t = accurate_t(ray, *found.world_from_object, found.mesh->corners(best.primitive_id), best.t);
+  best.t = exact_t(ray, *found.world_from_object, found.mesh->corners(best.primitive_id), best);
 }
 
 bool any_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "core/math/hit.h"
+#include "core/mesh/exact_test.h"
 #include "core/scene/scene.h"
 
 namespace gridcast::scene {
@@ -10,6 +11,9 @@ namespace gridcast::scene {
 /// theirs (a few 2^-53 of the distance over the triangle's size, but for ill-conditioned instances).
 /// `best` starts as {tfar}.
 void closest_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best);
+
+/// The last step of that for hits that were found otherwise: `best` stays where `found` has none.
+void finish_exact(const Ray& ray, mesh::ExactBest& found, Hit& best);
 
 /// Whether a valid ray hits anything in that problem.
 [[nodiscard]] bool any_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded);
