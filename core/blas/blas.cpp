@@ -258,29 +258,35 @@ bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);
 }
 
-template <Precision kPrecision, bool kAnyHit, class Packet, class Best>
-PacketResult Blas::trace_packet(const Packet& packet, Best* best) const {
-  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
-  if (wide == nullptr) return {};
-  return (*wide)->intersect_packet<kPrecision, kAnyHit>(bounds_, packet, best);
-}
-
 template <Precision kPrecision>
 PacketResult Blas::intersect_packet(const RayPacket& packet, Hit* best) const {
-  return trace_packet<kPrecision, false>(packet, best);
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  if (wide == nullptr) return {};
+  if constexpr (kPrecision == Precision::kExact) {
+    const auto& exact = static_cast<const ExactPacket&>(packet);
+    return (*wide)->intersect_packet<kPrecision, false>(bounds_, exact, exact.best);
+  } else {
+    return (*wide)->intersect_packet<kPrecision, false>(bounds_, packet, best);
+  }
 }
 
 template <Precision kPrecision>
 PacketResult Blas::occluded_packet(const RayPacket& packet) const {
-  return trace_packet<kPrecision, true>(packet, static_cast<Hit*>(nullptr));
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  if (wide == nullptr) return {};
+  if constexpr (kPrecision == Precision::kExact)
+    return (*wide)->intersect_packet<kPrecision, true>(bounds_, static_cast<const ExactPacket&>(packet),
+                                                       nullptr);
+  else
+    return (*wide)->intersect_packet<kPrecision, true>(bounds_, packet, nullptr);
 }
 
-PacketResult Blas::intersect_packet_exact(const ExactPacket& packet, mesh::ExactBest* best) const {
-  return trace_packet<Precision::kExact, false>(packet, best);
+PacketResult intersect_packet_exact(const Blas& blas, const ExactPacket& packet) {
+  return blas.intersect_packet<Precision::kExact>(packet, nullptr);
 }
 
-PacketResult Blas::occluded_packet_exact(const ExactPacket& packet) const {
-  return trace_packet<Precision::kExact, true>(packet, static_cast<mesh::ExactBest*>(nullptr));
+PacketResult occluded_packet_exact(const Blas& blas, const ExactPacket& packet) {
+  return blas.occluded_packet<Precision::kExact>(packet);
 }
 
 template PacketResult Blas::intersect_packet<Precision::kFast>(const RayPacket&, Hit*) const;

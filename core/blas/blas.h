@@ -30,7 +30,6 @@ class KdTree;
 class EmbreeTree;
 class HitSink;
 class PointSink;
-struct ExactPacket;
 
 /// kAuto picks by a stated cost model: brute force for a handful of triangles, else the wide BVH, or a
 /// kd-tree where boxes overlap so much that it costs less. kBvh is the binary one: half the memory, a third
@@ -143,9 +142,6 @@ class Blas {
   PacketResult intersect_packet(const RayPacket& packet, Hit* best) const;
   template <Precision kPrecision>
   PacketResult occluded_packet(const RayPacket& packet) const;
-  /// The same for `exact`; every image is close.
-  PacketResult intersect_packet_exact(const ExactPacket& packet, mesh::ExactBest* best) const;
-  [[nodiscard]] PacketResult occluded_packet_exact(const ExactPacket& packet) const;
 
   /// Checks every invariant of the structure against the mesh: boxes contain what is below them, every
   /// triangle is reachable, links are in range. The error says what and where.
@@ -162,8 +158,6 @@ class Blas {
   Result<Blas> refitted(std::shared_ptr<const mesh::TriangleMesh> moved, const Refit& refit) const;
   template <class C>
   bool collect_exact(const mesh::ObjectRay& ray, C& collector) const;
-  template <Precision kPrecision, bool kAnyHit, class Packet, class Best>
-  PacketResult trace_packet(const Packet& packet, Best* best) const;
   void add_structure_stats();
   Status prefer_kd_tree(const std::stop_token& stop);
 

@@ -11,6 +11,8 @@
 
 namespace gridcast::blas {
 
+class Blas;
+
 /// A packet of images of world rays, with what exact decisions need beside them.
 struct ExactPacket : RayPacket {
   const Ray* world[kSize];
@@ -18,6 +20,7 @@ struct ExactPacket : RayPacket {
   double drift[kSize];
   const Affine* world_from_object = nullptr;
   const mesh::TriangleMesh* mesh = nullptr;
+  mesh::ExactBest* best = nullptr;  ///< of every lane, where closest hits are asked for; starts as its tfar
 
   /// False when the image is not close: such a ray goes alone.
   bool set_image(std::size_t lane, const Ray& ray, const mesh::ExactImage& image) {
@@ -32,6 +35,10 @@ struct ExactPacket : RayPacket {
     return {object.origin, object.direction, drift[lane], true, is_image[lane]};
   }
 };
+
+/// Blas::intersect_packet and occluded_packet of `exact`, which those take for a packet of this kind alone.
+PacketResult intersect_packet_exact(const Blas& blas, const ExactPacket& packet);
+[[nodiscard]] PacketResult occluded_packet_exact(const Blas& blas, const ExactPacket& packet);
 
 inline double largest_drift(const RayPacket& /*packet*/) {
   return 0.0;

@@ -92,13 +92,13 @@ void trace_single(const BatchTarget& target, RayRun& run, std::size_t i) {
 
 /// The packet of the rays index[0 .. count); keeps their closest hits.
 template <Precision kPrecision, bool kAnyHit>
-PacketResult trace_packet(const BatchTarget& target, const blas::PacketOf<kPrecision>& packet, RayRun& run,
+PacketResult trace_packet(const BatchTarget& target, blas::PacketOf<kPrecision>& packet, RayRun& run,
                           const std::uint32_t* index) {
   constexpr bool kExact = kPrecision == Precision::kExact;
   const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
   if constexpr (kAnyHit) {
     if constexpr (kExact)
-      return blas.occluded_packet_exact(packet);
+      return blas::occluded_packet_exact(blas, packet);
     else
       return blas.template occluded_packet<kPrecision>(packet);
   } else {
@@ -107,7 +107,8 @@ PacketResult trace_packet(const BatchTarget& target, const blas::PacketOf<kPreci
     if constexpr (kExact) {
       for (std::uint32_t lane = 0; lane < RayPacket::kSize; ++lane)
         best[lane] = mesh::ExactBest(packet.tfar[lane]);
-      result = blas.intersect_packet_exact(packet, best);
+      packet.best = best;
+      result = blas::intersect_packet_exact(blas, packet);
     } else {
       for (std::uint32_t lane = 0; lane < RayPacket::kSize; ++lane) best[lane].t = packet.tfar[lane];
       result = blas.template intersect_packet<kPrecision>(packet, best);
