@@ -45,7 +45,7 @@ std::uint32_t TriangleMesh::part_of(std::uint32_t primitive_id) const {
 }
 
 std::size_t TriangleMesh::memory_bytes() const {
-  return positions.capacity() * sizeof(Vec3f) + triangles.capacity() * sizeof(Triangle) +
+  return positions.capacity() * sizeof(Vec3f) + triangles.size() * sizeof(Triangle) +
          normals.capacity() * sizeof(Vec3f) + parts.capacity() * sizeof(MeshPart);
 }
 

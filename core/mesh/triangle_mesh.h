@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/math/bounds.h"
+#include "core/math/shared_vector.h"
 
 namespace gridcast::mesh {
 
@@ -29,7 +30,7 @@ struct MeshPart {
 struct TriangleMesh {
   std::string name;
   std::vector<Vec3f> positions;
-  std::vector<Triangle> triangles;
+  SharedVector<Triangle> triangles;  ///< versions of a mesh that moves share them
   std::vector<Vec3f> normals;   ///< per vertex, unit, for shading only; empty = none
   std::vector<MeshPart> parts;  ///< cover `triangles` in order; empty = one part of the default material
   std::uint32_t topology_version = 0;  ///< changes with `triangles` or the number of positions

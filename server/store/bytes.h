@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "core/math/affine.h"
+#include "core/math/shared_vector.h"
 #include "core/math/vec.h"
 
 namespace gridcast::server::store {
@@ -76,6 +77,11 @@ class ByteWriter {
     } else {
       for (const T& value : values) item(value);
     }
+  }
+  template <Plain T>
+  void item(const SharedVector<T>& values) {
+    item(std::uint64_t(values.size()));
+    raw(values.data(), values.size() * sizeof(T));
   }
   template <class T>
   void item(const std::optional<T>& value) {
@@ -160,6 +166,12 @@ class ByteReader {
       values.clear();
       for (std::size_t i = 0; i < size && !failed_; ++i) item(values.emplace_back());
     }
+  }
+  template <Plain T>
+  void item(SharedVector<T>& values) {
+    std::vector<T> read;
+    item(read);
+    values = std::move(read);
   }
   template <class T>
   void item(std::optional<T>& value) {

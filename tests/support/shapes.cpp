@@ -196,11 +196,8 @@ TriangleMesh voxel_boundary(int n, std::uint64_t seed) {
         const glm::ivec3 corner = cell + way * along;
         const std::uint32_t a = vertex(corner), b = vertex(corner + first),
                             c = vertex(corner + first + second), d = vertex(corner + second);
-        if (way == 1) {
-          mesh.triangles.insert(mesh.triangles.end(), {{a, b, c}, {a, c, d}});
-        } else {
-          mesh.triangles.insert(mesh.triangles.end(), {{a, c, b}, {a, d, c}});
-        }
+        mesh.triangles.push_back(way == 1 ? mesh::Triangle{a, b, c} : mesh::Triangle{a, c, b});
+        mesh.triangles.push_back(way == 1 ? mesh::Triangle{a, c, d} : mesh::Triangle{a, d, c});
       }
     }
   }
@@ -210,7 +207,7 @@ TriangleMesh voxel_boundary(int n, std::uint64_t seed) {
 TriangleMesh repeated(const TriangleMesh& mesh, int copies) {
   TriangleMesh all = mesh;
   for (int i = 1; i < copies; ++i)
-    all.triangles.insert(all.triangles.end(), mesh.triangles.begin(), mesh.triangles.end());
+    for (const mesh::Triangle& triangle : mesh.triangles) all.triangles.push_back(triangle);
   return all;
 }
 
