@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-GROUPS = {"build", "run", "image", "demo", "test"}
+GROUPS = {"build", "run", "image", "demo", "test", "fuzz"}
 # Part of every Debian system, or brought by g++'s own libraries.
 BASE = {"libc6", "libgcc-s1", "libstdc++6"}
 # Programs that ours starts; never linked.

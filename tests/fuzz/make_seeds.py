@@ -1,0 +1,100 @@
+#!/usr/bin/env python3
+"""Writes the first inputs of every fuzz target to tests/fuzz/corpus, from the models of the API tests and the
+examples of proto. What fuzzing adds lies beside them under the names that libFuzzer gives."""
+
+import json
+import random
+import sqlite3
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+CORPUS = ROOT / "tests/fuzz/corpus"
+sys.path.insert(0, str(ROOT / "tests" / "api"))
+
+import models  # noqa: E402
+
+# First byte of json_fuzz by the path that a body is sent to, in the order of its switch.
+JSON_KINDS = {"rays/closest": 0, "rays/any": 1, "rays/all": 2, "rays/count": 3, "points/": 4, "/vertices": 5,
+              "/transactions": 6, "/pose": 7, "/weights": 8, "renders": 9, "/instances": 10, "tradeoffs": 11}
+
+
+def write(target, name, data):
+    folder = CORPUS / target
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / f"seed_{name}").write_bytes(data)
+
+
+def gltf_seeds():
+    write("gltf_fuzz", "box", models.one_box())
+    write("gltf_fuzz", "moving", models.moving())
+    write("gltf_fuzz", "embedded", models.embedded(*models.document([models.box()], [{"mesh": 0}])))
+    for name in ("box", "sail"):
+        write("gltf_fuzz", name + "_json", (ROOT / f"proto/examples/{name}.gltf").read_bytes())
+
+
+def json_seeds():
+    bodies = {}
+    for path in sorted((ROOT / "proto/examples").glob("*.json")):
+        for step in json.loads(path.read_text())["steps"]:
+            request = step["request"]
+            kind = next((k for part, k in JSON_KINDS.items() if part in request.get("path", "")), None)
+            if "json" in request and kind is not None:
+                if kind == 10 and request["method"] == "POST":
+                    kind = 12
+                bodies[bytes([kind]) + json.dumps(request["json"]).encode()] = None
+    for i, body in enumerate(bodies):
+        write("json_fuzz", f"{i:02}", body)
+
+
+def binary_seeds():
+    rays = models.random_rays(3, dtype="<f4")
+    whole = np.hstack([rays, np.zeros((3, 1), "<f4"), np.full((3, 1), np.inf, "<f4")])
+    ids = np.array([0, 2], "<u4").tobytes()
+    for name, text, body in (
+            ("rays", "rays", rays), ("rays_f64", "rays; dtype=float64; columns=8", whole.astype("<f8")),
+            ("points", "points", rays[:, :3]), ("vertices", "vertices", rays[:, :3]),
+            ("vertices_some", "vertices; layout=sparse", ids + rays[:2, :3].tobytes()),
+            ("instances", "instances; dtype=float32", ids[:4] + np.eye(4, dtype="<f4")[:3].tobytes())):
+        kind = f"application/vnd.gridcast.{text}".encode()
+        body = body if isinstance(body, bytes) else np.ascontiguousarray(body).tobytes()
+        write("binary_fuzz", name, bytes([len(kind)]) + kind + body)
+
+
+def head_seeds():
+    for name, text in (("get", "GET /v1/scenes/a?fields=t HTTP/1.1\r\nHost: localhost\r\nIf-Match: \"3\"\r\n\r\n"),
+                       ("post", "POST /v1/scenes HTTP/1.1\r\nHost: [::1]:8080\r\nContent-Length: 12\r\n"
+                                "Content-Type: application/json\r\nConnection: close\r\n\r\n"),
+                       ("chunked", "PUT /x HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n"),
+                       ("both", "PUT /x HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\nContent-Length: 3\r\n\r\n")):
+        write("http_head_fuzz", name, text.encode())
+
+
+def store_seeds():
+    folder = ROOT / "tests/durability/format_1"
+    for path in sorted((folder / "files").iterdir()):
+        for kind in range(2):
+            write("store_fuzz", f"{path.name[:6]}_{kind}", bytes([kind]) + path.read_bytes())
+    database = sqlite3.connect(f"file:{folder / 'gridcast.db'}?mode=ro&immutable=1", uri=True)
+    tables = [row[0] for row in database.execute("select name from sqlite_master where type='table'")]
+    for table in tables:
+        for i, row in enumerate(database.execute(f"select * from {table}")):
+            for blob in (value for value in row if isinstance(value, bytes) and len(value) > 32):
+                for kind in (2, 3):
+                    write("store_fuzz", f"{table}_{i}_{kind}", bytes([kind]) + blob)
+
+
+def number_seeds():
+    """Bytes that mean small numbers, in which scenes, rays and updates come up by themselves."""
+    draw = random.Random(5)
+    for target, length in (("engine_fuzz", 220), ("update_fuzz", 160)):
+        for i in range(24):
+            write(target, f"{i:02}", bytes(draw.randrange(100, 126) if draw.random() < 0.8 else draw.randrange(256)
+                                           for _ in range(length)))
+
+
+if __name__ == "__main__":
+    for make in (gltf_seeds, json_seeds, binary_seeds, head_seeds, store_seeds, number_seeds):
+        make()
