@@ -22,6 +22,8 @@ struct BenchOptions {
   std::vector<std::size_t> threads{1};
   std::size_t rays = 1'000'000;  ///< a set
   std::size_t repeat = 5;
+  std::size_t frames = 24;  ///< of a deformation
+  double phase_s = 2.0;     ///< that a crowd moves or stands still
   std::uint64_t seed = 1;
   std::stop_token stop;
 };
@@ -41,5 +43,11 @@ struct BenchOptions {
 /// Moving all and one in a hundred of the instances. Does nothing for a scene of one instance.
 [[nodiscard]] Status bench_instances(const BenchScene& bench_scene, const BenchOptions& options,
                                      Report& report, const scene::ProgressCallback& progress);
+
+/// The deformation set on the scene's first mesh: frame by frame an update through scene::apply_update, then
+/// rays through the scene that it leaves, a fresh one of the same vertices, and Embree's trees, refitted only
+/// and new. On one thread.
+[[nodiscard]] Status bench_deformations(const BenchScene& bench_scene, const BenchOptions& options,
+                                        Report& report, const scene::ProgressCallback& progress);
 
 }  // namespace gridcast::measure

@@ -32,15 +32,6 @@ Row row_of(const BenchScene& scene, std::size_t threads, const std::string& engi
   return row;
 }
 
-/// The first mesh alone, in its place.
-scene::SceneData one_mesh(const BenchScene& scene) {
-  scene::SceneData data;
-  data.meshes = {scene.data.meshes[0]};
-  data.deformations.resize(1);
-  data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
-  return data;
-}
-
 template <class Row>
 const Samples& samples_of(const std::vector<TreeContender<Row>>& contenders, const std::vector<Timed>& timed,
                           std::string_view structure) {
@@ -122,7 +113,7 @@ double memory_bytes(const BuildContender& contender) {
 
 Status builds_on(std::size_t threads, const BenchScene& scene, const BenchOptions& options, Report& report,
                  const scene::ProgressCallback& progress) {
-  const scene::SceneData data = one_mesh(scene);
+  const scene::SceneData data = first_mesh(scene.data);
   const auto ours = our_builds(options);
   std::vector<BuildContender> contenders;
   std::vector<Timed> timed;
@@ -181,7 +172,7 @@ Timed timed_refit(RefitContender& contender,
 
 Status refits_on(std::size_t threads, const BenchScene& scene, const BenchOptions& options, Report& report,
                  const scene::ProgressCallback& progress) {
-  const scene::SceneData data = one_mesh(scene);
+  const scene::SceneData data = first_mesh(scene.data);
   const std::array poses{waved(*data.meshes[0], 0.0), waved(*data.meshes[0], 1.0)};
   std::vector<RefitContender> contenders;
   std::vector<Timed> timed;

@@ -65,6 +65,35 @@ struct InstanceRow {
   double vs_embree = 0.0;  ///< against the faster of Embree's ways; a build, against moving all
 };
 
+/// One frame of a deformation of a scene's first mesh. Query times are of single rays on one thread; their
+/// ratios are the other way about than `vs_...` elsewhere: above 1 the tree in question is the slower one.
+struct DeformRow {
+  std::string scene, deformation;
+  std::size_t frame = 0;    ///< from 1
+  std::string action;       ///< what the update did: refit, rebuild
+  double cost_ratio = 0.0;  ///< surface-area cost of the maintained tree by that of a fresh one
+  double update_ms = 0.0;   ///< apply_update, as a whole
+  double fresh_ns_per_ray = 0.0;
+  double vs_fresh = 0.0;          ///< query time of the maintained tree by that of a fresh one
+  double spread = 0.0;            ///< of vs_fresh, repetition by repetition
+  double embree_update_ms = 0.0;  ///< its REFIT
+  double embree_build_ms = 0.0;   ///< a new tree of quality medium
+  double embree_refit_vs_fresh =
+      0.0;  ///< query time of its tree that is refitted only by that of the new one
+};
+
+/// What became of a deformation; `deformation` is `all` for the worst of all of them.
+struct DeformSummaryRow {
+  std::string scene, deformation;
+  std::uint64_t triangles = 0;
+  std::size_t frames = 0, rebuilds = 0;
+  double median_update_ms = 0.0, worst_update_ms = 0.0;
+  double worst_vs_fresh = 0.0;
+  std::size_t worst_frame = 0;   ///< 0 for `all`
+  double steady_vs_fresh = 0.0;  ///< median over the last third of the frames
+  double embree_worst_vs_fresh = 0.0, embree_steady_vs_fresh = 0.0;
+};
+
 /// A batch over HTTP on the loopback address, binary both ways.
 struct ServeRow {
   std::string scene, set;
@@ -75,12 +104,37 @@ struct ServeRow {
   double vs_in_process = 0.0;
 };
 
+/// Clients that cast rays over HTTP at a scene whose figures are posed meanwhile, against the same scene
+/// while it stands still. Phases of both kinds take turns.
+struct CrowdRow {
+  std::string scene;
+  std::size_t threads = 1, clients = 0;
+  std::uint64_t figures = 0, figure_triangles = 0;  ///< what moves
+  std::uint64_t instances = 0;                      ///< of the whole scene
+  std::size_t pairs = 0;                            ///< of phases
+  double phase_s = 0.0;
+  double still_mrays_per_s = 0.0, moving_mrays_per_s = 0.0;
+  double vs_still = 0.0;  ///< median of moving by still, pair by pair
+  double spread = 0.0;    ///< of that
+  /// The same of rays by the process's CPU time, which other programs disturb less; the clients' part and the
+  /// updates' are in it.
+  double cpu_vs_still = 0.0;
+  double cpu_spread = 0.0;
+  double updates_per_s = 0.0;                       ///< achieved
+  double update_p50_ms = 0.0, update_p99_ms = 0.0;  ///< from the request to the answer
+  double update_cpu_ms = 0.0;        ///< CPU time of one update while nobody casts, its client's included
+  double rebuilds_per_update = 0.0;  ///< meshes
+};
+
 struct Report {
   std::vector<RayRow> rays;
   std::vector<BuildRow> build;
   std::vector<RefitRow> refit;
   std::vector<InstanceRow> instances;
+  std::vector<DeformRow> deform;
+  std::vector<DeformSummaryRow> deform_summary;
   std::vector<ServeRow> serve;
+  std::vector<CrowdRow> crowd;
   std::vector<CheckRow> checks;
 };
 

@@ -186,6 +186,14 @@ BenchScene framed_scene(std::string name, scene::SceneData data, const Bounds3d&
   return scene;
 }
 
+scene::SceneData first_mesh(const scene::SceneData& data) {
+  scene::SceneData alone;
+  alone.meshes = {data.meshes[0]};
+  alone.deformations.resize(1);
+  alone.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+  return alone;
+}
+
 bool is_single_mesh(const scene::SceneData& data) {
   return data.instances.size() == 1 && data.instances[0].world_from_object == Affine{};
 }

@@ -41,6 +41,9 @@ struct SceneEntry {
 /// Any scene from a file, seen from a corner of its box.
 [[nodiscard]] BenchScene framed_scene(std::string name, scene::SceneData data, const Bounds3d& bounds);
 
+/// The first mesh of `data` alone, in its place and as it is.
+[[nodiscard]] scene::SceneData first_mesh(const scene::SceneData& data);
+
 /// Whether the scene is one mesh in its place, so that Embree needs no instances for it.
 [[nodiscard]] bool is_single_mesh(const scene::SceneData& data);
 

@@ -32,9 +32,9 @@ double spread(Samples samples) {
 }
 
 double now_s(ClockKind clock) {
-  if (clock == ClockKind::kThread) {
+  if (clock != ClockKind::kWall) {
     timespec now{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    ::clock_gettime(clock == ClockKind::kThread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_PROCESS_CPUTIME_ID, &now);
     return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
   }
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();

@@ -19,7 +19,8 @@ using Samples = std::vector<double>;
 
 /// kThread: time that the calling thread was running, the system's work for it included. What others do on a
 /// shared machine then counts only by what they take from caches. For work on one thread; else kWall.
-enum class ClockKind : std::uint8_t { kWall, kThread };
+/// kProcess: the same of all threads together.
+enum class ClockKind : std::uint8_t { kWall, kThread, kProcess };
 [[nodiscard]] constexpr ClockKind clock_for(std::size_t threads) {
   return threads == 1 ? ClockKind::kThread : ClockKind::kWall;
 }

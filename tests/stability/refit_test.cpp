@@ -9,6 +9,7 @@
 
 #include "core/blas/bvh.h"
 #include "core/blas/wide_bvh.h"
+#include "core/measure/deformation_set.h"
 #include "core/scene/update.h"
 #include "tests/stability/subject.h"
 #include "tests/stability/truth.h"
@@ -21,69 +22,37 @@ using blas::StructureKind;
 using mesh::TriangleMesh;
 using Positions = std::vector<Vec3f>;
 
+constexpr std::uint64_t kShuffleSeed = 36;
 constexpr StructureKind kRefittable[] = {StructureKind::kBvh, StructureKind::kWideBvh};
-
-Positions moved(const Positions& from, const std::function<Vec3f(const Vec3f&)>& move) {
-  Positions to;
-  to.reserve(from.size());
-  for (const Vec3f& p : from) to.push_back(move(p));
-  return to;
-}
-
-Positions dealt_out(Positions positions, std::uint64_t seed) {
-  test::Random random(seed);
-  for (std::size_t i = positions.size(); i > 1; --i)
-    std::swap(positions[i - 1], positions[random.below(std::uint32_t(i))]);
-  return positions;
-}
 
 /// How far the vertices are `phase` of the way, from 0 to 1.
 using Deformation = std::function<Positions(const Positions& rest, double phase)>;
-const std::map<std::string, Deformation>& deformations() {
-  static const std::map<std::string, Deformation> all = {
-      {"twist",
-       [](const Positions& rest, double phase) {
-         return moved(rest, [phase](const Vec3f& p) {
-           const auto a = float(9.0 * phase * p.y), c = std::cos(a), s = std::sin(a);
-           return Vec3f(c * p.x - s * p.z, p.y, s * p.x + c * p.z);
-         });
-       }},
-      {"fold",
-       [](const Positions& rest, double phase) {
-         const auto crease = float(1.0 - 1.5 * phase);
-         return moved(rest, [crease](const Vec3f& p) {
-           return p.x > crease ? Vec3f(2.F * crease - p.x, p.y, p.z) : p;
-         });
-       }},
-      {"explode",
-       [](const Positions& rest, double phase) {
-         const auto push = float(std::pow(10.0, 6.0 * phase));
-         return moved(rest, [push](const Vec3f& p) { return push * glm::dot(p, p) * p; });
-       }},
-      {"collapse to a plane",
-       [](const Positions& rest, double phase) {
-         return moved(rest, [s = float(1.0 - phase)](const Vec3f& p) { return Vec3f(p.x, s * p.y, p.z); });
-       }},
-      {"collapse to a line",
-       [](const Positions& rest, double phase) {
-         return moved(rest,
-                      [s = float(1.0 - phase)](const Vec3f& p) { return Vec3f(p.x, s * p.y, s * p.z); });
-       }},
-      {"collapse to a point",
-       [](const Positions& rest, double phase) {
-         return moved(rest,
-                      [s = float(1.0 - phase)](const Vec3f& p) { return s * p + Vec3f(1.F, 2.F, 3.F); });
-       }},
-      {"shuffle",
-       [](const Positions& rest, double phase) {
-         return phase == 0.0 ? rest : dealt_out(rest, std::uint64_t(phase * 0x1p20));
-       }},
-      {"mirror",
-       [](const Positions& rest, double phase) {
-         return moved(rest,
-                      [s = float(1.0 - 2.0 * phase)](const Vec3f& p) { return Vec3f(s * p.x, p.y, p.z); });
-       }},
+
+/// `step(p, share)` for every vertex.
+template <class Step>
+Deformation by_vertex(const Step& step) {
+  return [step](const Positions& rest, double phase) {
+    Positions to;
+    to.reserve(rest.size());
+    for (const Vec3f& p : rest) to.push_back(step(p, float(phase)));
+    return to;
   };
+}
+
+/// Those of the benchmark, and two that it has no use for.
+const std::map<std::string, Deformation>& deformations() {
+  static const std::map<std::string, Deformation> all = [] {
+    std::map<std::string, Deformation> made;
+    for (const measure::Deformation how : measure::kAllDeformations)
+      made[std::string(measure::to_string(how))] = [how](const Positions& rest, double phase) {
+        return measure::deformed(how, rest, phase, kShuffleSeed);
+      };
+    made["collapse to a point"] =
+        by_vertex([](const Vec3f& p, float phase) { return (1.F - phase) * p + Vec3f(1.F, 2.F, 3.F); });
+    made["mirror"] =
+        by_vertex([](const Vec3f& p, float phase) { return Vec3f((1.F - 2.F * phase) * p.x, p.y, p.z); });
+    return made;
+  }();
   return all;
 }
 
