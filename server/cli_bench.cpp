@@ -5,8 +5,10 @@
 
 #include "core/io/image.h"
 #include "core/measure/bench.h"
+#include "core/measure/crowd.h"
 #include "core/measure/embree_yardstick.h"
 #include "core/scene/flatten.h"
+#include "server/bench_crowd.h"
 #include "server/bench_serve.h"
 #include "server/cli_bench_json.h"
 #include "server/cli_bench_options.h"
@@ -25,7 +27,11 @@ class BenchCommand final : public Command {
     stop_ = stop;
     options_ = request_.options(stop);
     if (!request_.quiet) print_head();
-    const int code = request_.file.empty() ? measure_generated() : measure_file();
+    int code = kExitDone;
+    if (request_.wants_more_than({"crowd"}))
+      code = request_.file.empty() ? measure_generated() : measure_file();
+    if (code == kExitDone && (request_.file.empty() ? request_.wants("crowd") : request_.names("crowd")))
+      code = measure_crowd();
     if (code != kExitDone) return code;
     if (!request_.json_path.empty()) {
       const std::string text = bench_json(report_, options_, request_.scene_size());
@@ -78,14 +84,18 @@ class BenchCommand final : public Command {
         {"build", has_own_mesh ? measure::bench_builds : nullptr},
         {"refit", has_own_mesh ? measure::bench_refits : nullptr},
         {"instances", measure::bench_instances},
+        {"deform", has_own_mesh && request_.deforms(scene.name) ? measure::bench_deformations : nullptr},
         {"serve", bench_serve}};
     for (const auto& [name, section] : sections) {
       if (section == nullptr || !request_.wants(name)) continue;
-      const int code = run_section(name, section, scene);
-      if (!request_.quiet) print_new_rows(report_, printed_);
-      if (code != kExitDone) return code;
+      if (const int code = run_section(name, section, scene); code != kExitDone) return code;
     }
     return kExitDone;
+  }
+
+  int measure_crowd() {
+    const measure::CrowdSize size = measure::crowd_size(request_.scene_size());
+    return run_section("crowd", bench_crowd, measure::crowd_scene(size, request_.seed));
   }
 
   int run_section(const std::string& name, Section section, const measure::BenchScene& scene) {
@@ -93,8 +103,12 @@ class BenchCommand final : public Command {
     // One coherent and one incoherent set say what HTTP costs.
     if (name == "serve" && request_.sets.empty())
       options.sets = {measure::RaySetKind::kPrimary, measure::RaySetKind::kDiffuseShuffled};
-    ProgressBar bar("measuring " + scene.name + ", " + name, request_.verbosity());
-    const Status status = section(scene, options, report_, bar.callback());
+    const auto measured = [&] {
+      ProgressBar bar("measuring " + scene.name + ", " + name, request_.verbosity());
+      return section(scene, options, report_, bar.callback());
+    };
+    const Status status = measured();
+    if (!request_.quiet) print_new_rows(report_, printed_);
     return status ? kExitDone : report(scene.name, status.error());
   }
 

@@ -85,6 +85,55 @@ Json row_of(const measure::ServeRow& row) {
           {"vs_in_process", row.vs_in_process}};
 }
 
+Json row_of(const measure::DeformRow& row) {
+  return {{"scene", row.scene},
+          {"deformation", row.deformation},
+          {"frame", row.frame},
+          {"action", row.action},
+          {"cost_ratio", row.cost_ratio},
+          {"update_ms", row.update_ms},
+          {"fresh_ns_per_ray", row.fresh_ns_per_ray},
+          {"vs_fresh", row.vs_fresh},
+          {"spread", row.spread},
+          {"embree_update_ms", row.embree_update_ms},
+          {"embree_build_ms", row.embree_build_ms},
+          {"embree_refit_vs_fresh", row.embree_refit_vs_fresh}};
+}
+Json row_of(const measure::DeformSummaryRow& row) {
+  return {{"scene", row.scene},
+          {"deformation", row.deformation},
+          {"triangles", row.triangles},
+          {"frames", row.frames},
+          {"rebuilds", row.rebuilds},
+          {"median_update_ms", row.median_update_ms},
+          {"worst_update_ms", row.worst_update_ms},
+          {"worst_vs_fresh", row.worst_vs_fresh},
+          {"worst_frame", row.worst_frame},
+          {"steady_vs_fresh", row.steady_vs_fresh},
+          {"embree_worst_vs_fresh", row.embree_worst_vs_fresh},
+          {"embree_steady_vs_fresh", row.embree_steady_vs_fresh}};
+}
+Json row_of(const measure::CrowdRow& row) {
+  return {{"scene", row.scene},
+          {"threads", row.threads},
+          {"clients", row.clients},
+          {"figures", row.figures},
+          {"figure_triangles", row.figure_triangles},
+          {"instances", row.instances},
+          {"clock", row.clock},
+          {"pairs", row.pairs},
+          {"phase_s", row.phase_s},
+          {"still_mrays_per_s", row.still_mrays_per_s},
+          {"moving_mrays_per_s", row.moving_mrays_per_s},
+          {"vs_still", row.vs_still},
+          {"spread", row.spread},
+          {"updates_per_s", row.updates_per_s},
+          {"update_p50_ms", row.update_p50_ms},
+          {"update_p99_ms", row.update_p99_ms},
+          {"update_cpu_ms", row.update_cpu_ms},
+          {"rebuilds_per_update", row.rebuilds_per_update}};
+}
+
 template <class Row>
 Json rows_of(const std::vector<Row>& rows) {
   Json array = Json::array();
@@ -104,7 +153,10 @@ std::string bench_json(const measure::Report& report, const measure::BenchOption
       {"build", rows_of(report.build)},
       {"refit", rows_of(report.refit)},
       {"instances", rows_of(report.instances)},
+      {"deform", rows_of(report.deform)},
+      {"deform_summary", rows_of(report.deform_summary)},
       {"serve", rows_of(report.serve)},
+      {"crowd", rows_of(report.crowd)},
       {"checks", rows_of(report.checks)}};
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -1,6 +1,8 @@
 #include "server/cli_bench_options.h"
 
 #include <algorithm>
+#include <array>
+#include <string_view>
 #include <utility>
 
 #include "core/math/precision_names.h"
@@ -15,6 +17,9 @@ median) and the ratios to Embree's single rays, default and ROBUST: 1.25 means a
 every answer is compared bit for bit with the single rays of the first structure, and a sample with brute force; a
 difference ends in exit code 1. Builds and refits are in milliseconds (ms) and millions of triangles a second,
 updates of instances in nanoseconds (ns) an instance moved, memory in bytes a triangle or an instance.
+deform moves the vertices of S1 and S2, or of the scenes that are named, and compares the time of a query
+with that of a fresh tree: 1.5 means half slower. crowd poses skinned figures 30 times a second while two clients
+cast rays over HTTP, and compares with the same scene standing still.
 
 Scenes: S1 to S6 are single meshes, I1 to I3 instances, W1 to W4 worst cases, H1
 is made for accuracy; S, I, W and all name groups.
@@ -29,7 +34,12 @@ Examples:
 
 constexpr std::size_t kRays = 1'000'000, kQuickRays = 30'000;
 constexpr std::size_t kRepeat = 5, kQuickRepeat = 3;
+constexpr std::size_t kFrames = 24, kQuickFrames = 6;
+constexpr double kPhase_s = 2.0, kQuickPhase_s = 0.3;
 constexpr double kQuickSize = 0.02;
+
+/// What `deform` takes by itself.
+constexpr std::array<std::string_view, 2> kDeformScenes{"S1", "S2"};
 
 std::vector<std::string> set_names() {
   std::vector<std::string> names;
@@ -46,9 +56,8 @@ std::vector<std::string> scene_words() {
 
 void add_what(CLI::App& app, BenchRequest& request) {
   app.add_option("--scene", request.scenes,
-                 "Scenes, with commas: S1 to S6, I1 to I3, W1 to W4, H1, S, I, W or all")
+                 "Scenes, with commas: S1 to S6, I1 to I3, W1 to W4, H1, S, I, W or all; without it S,I")
       ->delimiter(',')
-      ->capture_default_str()
       ->check(CLI::IsMember(scene_words()));
   app.add_option("--file", request.file, "Measure this .glb or .gltf file instead of generated scenes")
       ->excludes("--scene");
@@ -63,10 +72,11 @@ void add_what(CLI::App& app, BenchRequest& request) {
          "embree; without it wide_bvh, bvh, kd_tree")
       ->delimiter(',')
       ->check(CLI::IsMember({"auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"}));
-  app.add_option("--section", request.sections,
-                 "What to measure, with commas: rays, build, refit, instances, serve; without it all")
+  app.add_option(
+         "--section", request.sections,
+         "What to measure, with commas: rays, build, refit, instances, deform, serve, crowd; without it all")
       ->delimiter(',')
-      ->check(CLI::IsMember({"rays", "build", "refit", "instances", "serve"}));
+      ->check(CLI::IsMember({"rays", "build", "refit", "instances", "deform", "serve", "crowd"}));
   app.add_option("--precision", request.precisions, "fast, robust, exact; without it the first two")
       ->delimiter(',')
       ->check(CLI::IsMember({"fast", "robust", "exact"}));
@@ -83,6 +93,11 @@ void add_how(CLI::App& app, BenchRequest& request) {
       ->check(CLI::Range(1, 100'000'000));
   app.add_option("--repeat", request.repeat, "Repetitions that the median is taken of; without it 5")
       ->check(CLI::Range(1, 1000));
+  app.add_option("--frames", request.frames, "Frames of every deformation; without it 24")
+      ->check(CLI::Range(1, 10'000));
+  app.add_option("--phase", request.phase_s,
+                 "Seconds (s) that the crowd moves, or stands, at a time; without it 2")
+      ->check(CLI::Range(0.001, 3600.0));
   app.add_option("--size", request.size,
                  "Share of each generated scene's triangles or instances; without it 1")
       ->check(CLI::Range(1e-6, 1.0));
@@ -100,10 +115,14 @@ void add_bench_options(CLI::App& app, BenchRequest& request) {
 }
 
 std::vector<std::string> BenchRequest::scene_names() const {
+  std::vector<std::string> words = scenes;
+  if (words.empty() && !wants_more_than({"deform", "crowd"}))
+    words.assign(kDeformScenes.begin(), kDeformScenes.end());
+  if (words.empty()) words = {"S", "I"};
   std::vector<std::string> names;
   for (const measure::SceneEntry& entry : measure::scene_catalogue()) {
     const std::string name(entry.name);
-    const bool wanted = std::any_of(scenes.begin(), scenes.end(), [&](const std::string& word) {
+    const bool wanted = std::any_of(words.begin(), words.end(), [&](const std::string& word) {
       return word == "all" || word == name || word == name.substr(0, 1);
     });
     if (wanted) names.push_back(name);
@@ -111,8 +130,23 @@ std::vector<std::string> BenchRequest::scene_names() const {
   return names;
 }
 
+bool BenchRequest::names(const std::string& section) const {
+  return std::find(sections.begin(), sections.end(), section) != sections.end();
+}
+
 bool BenchRequest::wants(const std::string& section) const {
-  return sections.empty() || std::find(sections.begin(), sections.end(), section) != sections.end();
+  return sections.empty() || names(section);
+}
+
+bool BenchRequest::wants_more_than(const std::vector<std::string>& known) const {
+  return sections.empty() || std::any_of(sections.begin(), sections.end(), [&](const std::string& section) {
+           return std::find(known.begin(), known.end(), section) == known.end();
+         });
+}
+
+bool BenchRequest::deforms(const std::string& scene) const {
+  const bool chosen = !scenes.empty() || !file.empty();
+  return chosen || std::find(kDeformScenes.begin(), kDeformScenes.end(), scene) != kDeformScenes.end();
 }
 
 double BenchRequest::scene_size() const {
@@ -124,6 +158,8 @@ measure::BenchOptions BenchRequest::options(std::stop_token stop) const {
   measure::BenchOptions made;
   made.rays = rays > 0 ? rays : quick ? kQuickRays : kRays;
   made.repeat = repeat > 0 ? repeat : quick ? kQuickRepeat : kRepeat;
+  made.frames = frames > 0 ? frames : quick ? kQuickFrames : kFrames;
+  made.phase_s = phase_s > 0.0 ? phase_s : quick ? kQuickPhase_s : kPhase_s;
   made.threads = threads;
   made.seed = seed;
   made.stop = std::move(stop);

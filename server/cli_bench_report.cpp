@@ -91,6 +91,37 @@ void print_serve(const measure::Report& report, std::size_t from) {
   }
 }
 
+void print_deformations(const measure::Report& report, std::size_t from) {
+  if (report.deform_summary.size() == from) return;
+  std::printf("\n%-6s %-15s %10s %7s %9s %10s %10s %8s %6s %8s %13s %13s\n", "scene", "deformation",
+              "triangles", "frames", "rebuilds", "update ms", "worst ms", "/ fresh", "frame", "steady",
+              "Embree refit", "steady");
+  for (std::size_t i = from; i < report.deform_summary.size(); ++i) {
+    const measure::DeformSummaryRow& row = report.deform_summary[i];
+    std::printf("%-6s %-15s %10s %7zu %9zu %10.2f %10.2f %8s %6zu %8s %13s %13s\n", row.scene.c_str(),
+                row.deformation.c_str(), grouped(row.triangles).c_str(), row.frames, row.rebuilds,
+                row.median_update_ms, row.worst_update_ms, ratio_text(row.worst_vs_fresh).c_str(),
+                row.worst_frame, ratio_text(row.steady_vs_fresh).c_str(),
+                ratio_text(row.embree_worst_vs_fresh).c_str(),
+                ratio_text(row.embree_steady_vs_fresh).c_str());
+  }
+}
+
+void print_crowds(const measure::Report& report, std::size_t from) {
+  if (report.crowd.size() == from) return;
+  std::printf("\n%-6s %4s %-5s %7s %10s %9s %9s %8s %7s %10s %8s %8s %8s %9s\n", "scene", "thr.", "clock",
+              "figures", "triangles", "still", "moving", "x still", "spread", "updates/s", "p50 ms", "p99 ms",
+              "CPU ms", "rebuilds");
+  for (std::size_t i = from; i < report.crowd.size(); ++i) {
+    const measure::CrowdRow& row = report.crowd[i];
+    std::printf("%-6s %4zu %-5s %7s %10s %9.3f %9.3f %8s %5.1f %% %10.1f %8.2f %8.2f %8.2f %9.2f\n",
+                row.scene.c_str(), row.threads, row.clock.c_str(), grouped(row.figures).c_str(),
+                grouped(row.figure_triangles).c_str(), row.still_mrays_per_s, row.moving_mrays_per_s,
+                ratio_text(row.vs_still).c_str(), 100.0 * row.spread, row.updates_per_s, row.update_p50_ms,
+                row.update_p99_ms, row.update_cpu_ms, row.rebuilds_per_update);
+  }
+}
+
 }  // namespace
 
 void print_new_rows(const measure::Report& report, measure::Report& printed) {
@@ -99,7 +130,9 @@ void print_new_rows(const measure::Report& report, measure::Report& printed) {
   print_builds(report, printed.build.size());
   print_refits(report, printed.refit.size());
   print_instances(report, printed.instances.size());
+  print_deformations(report, printed.deform_summary.size());
   print_serve(report, printed.serve.size());
+  print_crowds(report, printed.crowd.size());
   std::fflush(stdout);
   printed = report;
 }

@@ -113,13 +113,12 @@ struct CrowdRow {
   std::uint64_t instances = 0;                      ///< of the whole scene
   std::size_t pairs = 0;                            ///< of phases
   double phase_s = 0.0;
+  /// What seconds are: those on the wall, or `cpu`, the process's CPU time over its threads. Where other
+  /// programs run, only the latter sees the process do as much work between updates as it would alone.
+  std::string clock;
   double still_mrays_per_s = 0.0, moving_mrays_per_s = 0.0;
-  double vs_still = 0.0;  ///< median of moving by still, pair by pair
-  double spread = 0.0;    ///< of that
-  /// The same of rays by the process's CPU time, which other programs disturb less; the clients' part and the
-  /// updates' are in it.
-  double cpu_vs_still = 0.0;
-  double cpu_spread = 0.0;
+  double vs_still = 0.0;                            ///< median of moving by still, pair by pair
+  double spread = 0.0;                              ///< of that
   double updates_per_s = 0.0;                       ///< achieved
   double update_p50_ms = 0.0, update_p99_ms = 0.0;  ///< from the request to the answer
   double update_cpu_ms = 0.0;        ///< CPU time of one update while nobody casts, its client's included

@@ -13,7 +13,8 @@ import models
 
 DONE, USAGE, INTERRUPTED = 0, 2, 130
 SCHEMA = json.loads((Path(__file__).resolve().parents[1] / "bench/report.schema.json").read_text())
-TINY = ["--size", "0.01", "--rays", "400", "--repeat", "1"]
+TINY = ["--size", "0.01", "--rays", "400", "--repeat", "1", "--frames", "2", "--phase", "0.1"]
+DEFORMATIONS = SCHEMA["definitions"]["deformation"]["enum"]
 
 
 @pytest.fixture
@@ -51,6 +52,35 @@ def test_every_section_has_rows_of_the_agreed_shape(report):
     assert {"low", "medium", "high"} <= values(read["build"], "structure")
     assert values(read["instances"], "update") == {"build", "all_moved", "one_percent_moved"}
     assert values(read["serve"], "set") == {"primary"}, "the server's batch is of closest hits"
+    assert values(read["deform"], "scene") == {"S1"} == values(read["deform_summary"], "scene")
+    assert values(read["crowd"], "scene") == {"crowd"}
+
+
+def test_deformations_have_a_row_a_frame_and_a_summary(report):
+    read = report(*TINY, "--section", "deform")
+    assert values(read["deform"], "scene") == {"S1", "S2"}, "what it takes by itself"
+    assert [(row["deformation"], row["frame"]) for row in read["deform"] if row["scene"] == "S2"] == \
+        [(name, frame) for name in DEFORMATIONS for frame in (1, 2)]
+    assert values(read["deform"], "action") == {"refit", "rebuild"}
+    summary = [row for row in read["deform_summary"] if row["scene"] == "S1"]
+    assert [row["deformation"] for row in summary] == [*DEFORMATIONS, "all"]
+    assert summary[-1]["worst_vs_fresh"] == max(row["vs_fresh"] for row in read["deform"] if row["scene"] == "S1")
+    assert summary[-1]["rebuilds"] == sum(row["action"] == "rebuild" for row in read["deform"] if row["scene"] == "S1")
+    assert len(read["checks"]) == 2 * len(DEFORMATIONS)
+    for row in read["checks"]:
+        assert row["differs"] == 0 and row["rays"] == 400 * 2 * 2, "every answer, that of warming up too"
+        # Two rays in a hundred may see the mesh when it is a line.
+        assert row["hits"] > 0.3 * row["rays"] or row["set"] == "collapse_line", row
+
+
+def test_a_crowd_is_posed_while_clients_cast(report):
+    read = report(*TINY, "--section", "crowd", "--threads", "2")
+    assert [row["clock"] for row in read["crowd"]] == ["wall", "cpu"]
+    for row in read["crowd"]:
+        assert (row["scene"], row["figures"], row["threads"], row["clients"], row["pairs"]) == ("crowd", 2, 2, 2, 1)
+        assert row["instances"] == 2 + 3 and 3500 < row["figure_triangles"] < 10000
+        assert row["updates_per_s"] <= 40 and row["update_p99_ms"] >= row["update_p50_ms"]
+    assert not read["rays"] and not read["checks"], "the crowd needs no other scene"
 
 
 def test_no_answer_differs_from_single_rays_or_brute_force(report):
@@ -72,9 +102,10 @@ def test_options_narrow_what_is_measured(report):
 
 def test_a_file_is_measured_like_a_scene(report, tmp_path):
     (tmp_path / "row.glb").write_bytes(models.row_of_spheres())
-    read = report("--file", "row.glb", "--rays", "300", "--repeat", "1", "--set", "primary,diffuse")
-    for section in ("rays", "build", "refit", "instances", "serve"):
+    read = report("--file", "row.glb", "--rays", "300", "--repeat", "1", "--frames", "2", "--set", "primary,diffuse")
+    for section in ("rays", "build", "refit", "instances", "deform", "serve"):
         assert values(read[section], "scene") == {"row"}, section
+    assert not read["crowd"], "it is not in the file"
 
 
 def test_people_get_tables_and_no_bar_in_a_pipe(bench):
@@ -85,7 +116,8 @@ def test_people_get_tables_and_no_bar_in_a_pipe(bench):
 
 
 @pytest.mark.parametrize("arguments", [["--scene", "S9"], ["--set", "bounce"], ["--structure", "octree"], ["--threads", "0"],
-                                       ["--rays", "-4"], ["--rays", "x"], ["--repeat", "0"], ["--section", "speed"],
+                                       ["--rays", "-4"], ["--rays", "x"], ["--repeat", "0"], ["--section", "speed"], ["--section", "deform,wave"],
+                                       ["--frames", "0"], ["--phase", "0"], ["--phase", "x"],
                                        ["--size", "2"], ["--precision", "sharp"], ["--fast"], ["S1"],
                                        ["--scene", "S1", "--file", "x.glb"]], ids=" ".join)
 def test_wrong_usage_is_2_with_one_line(bench, arguments):
@@ -105,8 +137,10 @@ def test_help_names_units_and_scenes(bench):
         assert word in text
 
 
-def test_ctrl_c_ends_with_130_and_leaves_no_file(binary, tmp_path):
-    process = subprocess.Popen([binary, "bench", "--scene", "S1", "--json", "bench.json"], cwd=tmp_path,
+@pytest.mark.parametrize("arguments", [["--scene", "S1"], ["--section", "deform", "--scene", "S1", "--size", "0.1"],
+                                       ["--section", "crowd", "--size", "0.1"]], ids=["whole", "deform", "crowd"])
+def test_ctrl_c_ends_with_130_and_leaves_no_file(binary, tmp_path, arguments):
+    process = subprocess.Popen([binary, "bench", *arguments, "--json", "bench.json"], cwd=tmp_path,
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     time.sleep(2.0)
     process.send_signal(signal.SIGINT)

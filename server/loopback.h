@@ -1,0 +1,64 @@
+#pragma once
+// A server and its clients within this process, for measuring what HTTP costs.
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <thread>
+#include <vector>
+
+#include "core/error.h"
+#include "core/scene/scene.h"
+
+namespace gridcast::server {
+
+struct Api;
+class HttpServer;
+
+/// Serves one scene, named `bench`, on a free port of the loopback address as long as it lives.
+class LoopbackServer {
+ public:
+  LoopbackServer(std::shared_ptr<const scene::Scene> scene, std::size_t threads);
+  ~LoopbackServer();
+  LoopbackServer(const LoopbackServer&) = delete;
+  LoopbackServer& operator=(const LoopbackServer&) = delete;
+
+  /// The port.
+  [[nodiscard]] Result<int> start();
+  /// In a batch.
+  [[nodiscard]] std::size_t max_rays() const;
+
+ private:
+  std::unique_ptr<Api> api_;
+  bool made_ = false;
+  std::unique_ptr<HttpServer> http_;
+  std::thread thread_;
+};
+
+/// One connection that is kept, and one request at a time.
+class LoopbackClient {
+ public:
+  explicit LoopbackClient(int port);
+  ~LoopbackClient();
+  LoopbackClient(const LoopbackClient&) = delete;
+  LoopbackClient& operator=(const LoopbackClient&) = delete;
+
+  /// Sends rays, float32 rows of 8, and reads the whole answer, closest hits in binary.
+  [[nodiscard]] Status cast(std::span<const std::byte> rays);
+  /// PUT .../pose; the view of the answer's body is good until the next request.
+  [[nodiscard]] Result<std::string_view> put_pose(std::string_view json);
+
+ private:
+  Status exchange(const std::string& head, std::span<const std::byte> body);
+  bool send_all(const void* data, std::size_t size) const;
+  Status read_answer();
+
+  int socket_;
+  bool connected_ = false;
+  std::vector<char> answer_;
+  std::size_t answered_bytes_ = 0;
+};
+
+}  // namespace gridcast::server
