@@ -71,18 +71,24 @@ std::size_t LoopbackServer::max_rays() const {
   return api_->limits.binary_rays;
 }
 
-LoopbackClient::LoopbackClient(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
+LoopbackClient::LoopbackClient(int port) : port_(port) {
+  connect();
+}
+
+LoopbackClient::~LoopbackClient() {
+  if (socket_ >= 0) ::close(socket_);
+}
+
+void LoopbackClient::connect() {
+  if (socket_ >= 0) ::close(socket_);
+  socket_ = ::socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in address{};
   address.sin_family = AF_INET;
-  address.sin_port = htons(std::uint16_t(port));
+  address.sin_port = htons(std::uint16_t(port_));
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   connected_ = ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
   const int one = 1;
   ::setsockopt(socket_, IPPROTO_TCP, TCP_NODELAY, &one, sizeof(one));
-}
-
-LoopbackClient::~LoopbackClient() {
-  ::close(socket_);
 }
 
 Status LoopbackClient::cast(std::span<const std::byte> rays) {
@@ -103,10 +109,22 @@ Result<std::string_view> LoopbackClient::put_pose(std::string_view json) {
 }
 
 Status LoopbackClient::exchange(const std::string& head, std::span<const std::byte> body) {
-  if (!connected_) return failed("connecting");
   const std::string whole = head + "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n";
-  if (!send_all(whole.data(), whole.size()) || !send_all(body.data(), body.size())) return failed("sending");
-  return read_answer();
+  bool answered = exchange_once(whole, body);
+  if (!answered) {
+    connect();
+    answered = exchange_once(whole, body);
+  }
+  if (!connected_) return failed("connecting");
+  if (!answered) return failed("the exchange");
+  if (!std::string_view(answer_.data(), answered_bytes_).starts_with("HTTP/1.1 200"))
+    return failed("the request");
+  return ok_status();
+}
+
+bool LoopbackClient::exchange_once(const std::string& head, std::span<const std::byte> body) {
+  return connected_ && send_all(head.data(), head.size()) && send_all(body.data(), body.size()) &&
+         read_answer();
 }
 
 bool LoopbackClient::send_all(const void* data, std::size_t size) const {
@@ -120,18 +138,17 @@ bool LoopbackClient::send_all(const void* data, std::size_t size) const {
   return true;
 }
 
-Status LoopbackClient::read_answer() {
+bool LoopbackClient::read_answer() {
   std::size_t have = 0, wanted = 0;
   while (wanted == 0 || have < wanted) {
     if (answer_.size() < std::max(wanted, have + kPiece)) answer_.resize(std::max(wanted, have + kPiece));
     const ssize_t got = ::recv(socket_, answer_.data() + have, answer_.size() - have, 0);
-    if (got <= 0) return failed("receiving");
+    if (got <= 0) return false;
     have += std::size_t(got);
     if (wanted == 0) wanted = whole_size(std::string_view(answer_.data(), have));
   }
   answered_bytes_ = have;
-  if (!std::string_view(answer_.data(), have).starts_with("HTTP/1.1 200")) return failed("the request");
-  return ok_status();
+  return true;
 }
 
 }  // namespace gridcast::server

@@ -37,7 +37,8 @@ class LoopbackServer {
   std::thread thread_;
 };
 
-/// One connection that is kept, and one request at a time.
+/// One connection that is kept, and one request at a time. When the server has closed it, after many requests
+/// or a while without any, the next request opens another.
 class LoopbackClient {
  public:
   explicit LoopbackClient(int port);
@@ -52,10 +53,14 @@ class LoopbackClient {
 
  private:
   Status exchange(const std::string& head, std::span<const std::byte> body);
+  void connect();
+  /// Whether a whole answer came.
+  bool exchange_once(const std::string& head, std::span<const std::byte> body);
   bool send_all(const void* data, std::size_t size) const;
-  Status read_answer();
+  bool read_answer();
 
-  int socket_;
+  int port_;
+  int socket_ = -1;
   bool connected_ = false;
   std::vector<char> answer_;
   std::size_t answered_bytes_ = 0;
