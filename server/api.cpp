@@ -123,7 +123,7 @@ std::string within_edit(const std::string& pointer) {
   const std::size_t slash = pointer.find('/', kEdits.size());
   std::string rest = slash == std::string::npos ? std::string() : pointer.substr(slash);
   const std::string core_name = "/world_from_object";
-  if (rest.starts_with(core_name)) rest.replace(0, core_name.size(), "/transform");
+  if (rest.ends_with(core_name)) rest.replace(rest.size() - core_name.size(), core_name.size(), "/transform");
   return rest;
 }
 
@@ -144,12 +144,6 @@ std::variant<std::uint32_t, Problem> open_mesh(const scene::Scene& scene, const 
   if (!id || *id >= scene.mesh_count())
     return Problem{ProblemCode::kMeshNotFound, "there is no such mesh", ""};
   return *id;
-}
-
-std::string pointer_of_moves(const std::string& pointer) {
-  if (!pointer.starts_with(kEdits)) return pointer;
-  const std::size_t end = std::min(pointer.find('/', kEdits.size()), pointer.size());
-  return "/moves/" + pointer.substr(kEdits.size(), end - kEdits.size()) + within_edit(pointer);
 }
 
 }  // namespace gridcast::server

@@ -97,10 +97,9 @@ class Timing {
     Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
     const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of);
 
-/// Pointers of core into a list of edits, as pointers into the request that made them: "/edits/7/rest" ->
-/// "/rest" for a single edit, "/moves/7/rest" for a list. Core's world_from_object is the wire's transform.
+/// A pointer of core into the one edit of a request, as a pointer into the request: "/edits/0/rest" ->
+/// "/rest". Core's world_from_object is the wire's transform.
 [[nodiscard]] std::string pointer_of_one(const std::string& pointer);
-[[nodiscard]] std::string pointer_of_moves(const std::string& pointer);
 
 /// Of edits in a body: the scene is there, and what an edit names inside of it and is not there makes the
 /// body invalid.

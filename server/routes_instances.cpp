@@ -80,18 +80,20 @@ HttpResponse move_instances(Api& api, const HttpRequest& request, Cancellation& 
   OpenScene& open = std::get<OpenScene>(opened);
   auto parsed = proto::parse_move_instances(request.header("content-type"), request.body, api.limits);
   if (!parsed) return problem_response(parsed.problem());
-  std::vector<scene::SceneEdit> edits;
-  edits.reserve(parsed->size());
+  scene::MoveInstances edit;
+  edit.moves.reserve(parsed->size());
   for (const proto::InstanceMove& move : *parsed)
-    edits.emplace_back(scene::MoveInstance{move.instance_id, move.world_from_object});
+    edit.moves.push_back({move.instance_id, move.world_from_object});
+  std::vector<scene::SceneEdit> edits;
+  edits.emplace_back(std::move(edit));
   timing.mark("parse");
-  auto result = update_scene(api, *open.named, request, edits, cancellation, pointer_of_moves);
+  auto result = update_scene(api, *open.named, request, edits, cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
   const std::uint64_t version = updated.scene->version();
   HttpResponse response =
-      versioned_json(to_json(proto::MovesReply{version, edits.size(), updated.report.ms}), version);
+      versioned_json(to_json(proto::MovesReply{version, parsed->size(), updated.report.ms}), version);
   return response.with("Server-Timing", timing.header());
 }
 

@@ -57,6 +57,8 @@ class InstanceTransform {
   [[nodiscard]] Bounds3d bounds_to_world(const Bounds3f& object) const;
 
  private:
+  friend class TransformBatch;  // makes eight at once
+
   Affine world_from_object_;
   Mat3d object_from_world_linear_{1.0};
   double condition_ = 1.0;

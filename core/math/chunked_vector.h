@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -19,11 +20,17 @@ class ChunkedVector {
   [[nodiscard]] const T& operator[](std::size_t i) const { return (*chunks_[i / kChunk])[i % kChunk]; }
 
   /// A reference to write through; copies the chunk when another vector shares it. Different chunks may be
-  /// written from different threads.
+  /// written from different threads, and different elements of one that is this vector's own.
   [[nodiscard]] T& write(std::size_t i) {
     std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
     if (chunk.use_count() != 1) chunk = std::make_shared<Chunk>(*chunk);
     return (*chunk)[i % kChunk];
+  }
+  /// Makes the chunk of element i this vector's own like write(), for all of its elements to be written: what
+  /// they are until then means nothing, since nothing is copied when another vector shares the chunk.
+  void overwrite_chunk(std::size_t i) requires std::is_trivially_copyable_v<T> {
+    std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
+    if (chunk.use_count() != 1) chunk = std::allocate_shared<Chunk>(UnwrittenAllocator<Chunk>());
   }
   void push_back(T value) {
     if (size_ % kChunk == 0) chunks_.push_back(std::make_shared<Chunk>());
@@ -47,6 +54,19 @@ class ChunkedVector {
 
  private:
   using Chunk = std::array<T, kChunk>;
+
+  /// Leaves memory as it is: a chunk of what can be copied byte by byte needs no constructor to begin.
+  template <class U>
+  struct UnwrittenAllocator {
+    using value_type = U;
+    UnwrittenAllocator() = default;
+    template <class V>
+    explicit UnwrittenAllocator(const UnwrittenAllocator<V>& /*other*/) {}
+    [[nodiscard]] U* allocate(std::size_t n) { return std::allocator<U>().allocate(n); }
+    void deallocate(U* memory, std::size_t n) { std::allocator<U>().deallocate(memory, n); }
+    void construct(Chunk* /*place*/) {}
+  };
+
   std::vector<std::shared_ptr<Chunk>> chunks_;
   std::size_t size_ = 0;
 };

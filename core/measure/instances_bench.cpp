@@ -22,13 +22,15 @@ struct Pose {
 Pose make_pose(const BenchScene& scene, std::size_t stride, std::uint64_t seed) {
   Random random(seed);
   Pose pose;
+  scene::MoveInstances edit;
   for (std::size_t i = 0; i < scene.data.instances.size(); i += stride) {
     Affine placed = scene.data.instances[i].world_from_object;
     if (!InstanceTransform(placed).active()) continue;
     placed.translation += random.in_box(0.1);
-    pose.edits.emplace_back(scene::MoveInstance{std::uint32_t(i), placed});
+    edit.moves.push_back({std::uint32_t(i), placed});
     pose.moves.push_back({std::uint32_t(i), placed});
   }
+  pose.edits.emplace_back(std::move(edit));
   return pose;
 }
 

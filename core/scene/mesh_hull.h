@@ -51,14 +51,14 @@ class MeshHull {
     order(0, 1);
     const int face = step[0], edge = face + step[1], corner = edge + step[2];
     const double f = size[0] - size[1], e = size[1] - size[2], c = size[2];
-    return {f * double(at(-face)) + e * double(at(-edge)) + c * double(at(-corner)),
-            f * double(at(face)) + e * double(at(edge)) + c * double(at(corner))};
+    return {f * double(along(-face)) + e * double(along(-edge)) + c * double(along(-corner)),
+            f * double(along(face)) + e * double(along(edge)) + c * double(along(corner))};
   }
+  /// The reach along one of the 26: direction (x, y, z), each -1, 0 or 1, is number x + 3 y + 9 z.
+  [[nodiscard]] float along(int number) const { return reach_[std::size_t(number) + kLargestNumber]; }
 
  private:
-  /// Direction (x, y, z), each -1, 0 or 1, is number x + 3 y + 9 z; 0 is unused.
-  static constexpr int kLargestNumber = 13;
-  [[nodiscard]] const float& at(int number) const { return reach_[std::size_t(number) + kLargestNumber]; }
+  static constexpr int kLargestNumber = 13;  // 0 is unused
   [[nodiscard]] float& at(int number) { return reach_[std::size_t(number) + kLargestNumber]; }
 
   std::array<float, 2 * kLargestNumber + 1> reach_{};

@@ -77,7 +77,7 @@ class Scene {
   blas::BuildOptions blas_options_;  ///< for meshes added later
   std::vector<blas::Blas> blas_;
   std::vector<MeshHull> hulls_;  ///< one per mesh
-  ChunkedVector<Instance, 64> instances_;
+  ChunkedVector<Instance, 32> instances_;
   ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id
   std::size_t live_instances_ = 0;
   std::uint64_t world_triangles_ = 0;

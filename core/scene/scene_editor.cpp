@@ -2,9 +2,24 @@
 
 #include <algorithm>
 
+#include "core/scene/chunk_parts.h"
 #include "core/scene/hit_box.h"
 
 namespace gridcast::scene {
+namespace {
+
+/// Ascending, each once.
+void sort_ids(std::vector<std::uint32_t>& ids) {
+  if (!std::is_sorted(ids.begin(), ids.end())) std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+}
+
+}  // namespace
+
+Error singular_transform(std::string where) {
+  return {ErrorCode::kInvalidArgument, "the transform is singular, not finite or out of range",
+          std::move(where)};
+}
 
 std::uint32_t SceneEditor::add_instance(const Instance& instance, const std::string& name) {
   const auto instance_id = std::uint32_t(scene_->instances_.size());
@@ -33,13 +48,23 @@ void SceneEditor::count_instances() {
   }
 }
 
-void SceneEditor::update_boxes(std::vector<std::uint32_t> instance_ids) {
-  std::sort(instance_ids.begin(), instance_ids.end());
-  instance_ids.erase(std::unique(instance_ids.begin(), instance_ids.end()), instance_ids.end());
-  std::vector<tlas::BoxChange> changes;
-  changes.reserve(instance_ids.size());
-  for (const std::uint32_t id : instance_ids) changes.push_back({id, hit_box_of(id)});
-  scene_->top_level_ = scene_->top_level_.updated(changes);
+tlas::BoxTable& SceneEditor::boxes() {
+  if (!boxes_) boxes_ = scene_->top_level_.boxes();
+  boxes_->grow(scene_->instances_.size());
+  return *boxes_;
+}
+
+void SceneEditor::update_top_level(std::vector<std::uint32_t> instance_ids) {
+  tlas::BoxTable& boxes = this->boxes();
+  sort_ids(instance_ids);
+  for_each_part(
+      instance_ids.size(), [&](std::size_t k) { return instance_ids[k]; },
+      [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k) boxes.write(instance_ids[k]) = hit_box_of(instance_ids[k]);
+      });
+  instance_ids.insert(instance_ids.end(), moved_.begin(), moved_.end());
+  sort_ids(instance_ids);
+  scene_->top_level_.update(std::move(boxes), instance_ids);
 }
 
 tlas::InstanceBox SceneEditor::hit_box_of(std::uint32_t instance_id) const {

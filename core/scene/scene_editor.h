@@ -1,12 +1,18 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/scene/scene.h"
+#include "core/scene/update.h"
 
 namespace gridcast::scene {
+
+/// What is said of a transform that is not active.
+[[nodiscard]] Error singular_transform(std::string where);
 
 /// The one door to a Scene's insides: build_scene and apply_update make a new version through it, then it
 /// is published as const.
@@ -29,20 +35,24 @@ class SceneEditor {
     scene_->hulls_.emplace_back(blas.mesh(), blas.bounds());
     scene_->blas_.push_back(std::move(blas));
   }
-  /// Same triangle count as before. The caller updates the boxes of the mesh's instances (update_boxes).
+  /// Same triangle count as before. The caller updates the boxes of the mesh's instances (update_top_level).
   void set_mesh(std::uint32_t mesh_id, blas::Blas blas) {
     scene_->hulls_[mesh_id] = MeshHull(blas.mesh(), blas.bounds());
     scene_->blas_[mesh_id] = std::move(blas);
   }
 
   void reserve_instances(std::size_t count) { scene_->instances_.grow(count); }
-  /// Writes a slot; different blocks of 64 slots may be written from different threads.
+  /// Writes a slot; different chunks of slots may be written from different threads.
   void set_instance(std::uint32_t instance_id, const Instance& instance) {
     scene_->instances_.write(instance_id) = instance;
   }
   void move_instance(std::uint32_t instance_id, const InstanceTransform& transform) {
     scene_->instances_.write(instance_id).transform = transform;
   }
+  /// Many at once, each at most once, in parallel, with their boxes. Fails with the first move that is wrong,
+  /// `/3/instance_id` (kNotFound, kInvalidArgument for a second move of an instance) or
+  /// `/3/world_from_object` (kInvalidArgument); the editor is of no use then.
+  [[nodiscard]] Status move_instances(std::span<const MoveInstance> moves);
   std::uint32_t add_instance(const Instance& instance, const std::string& name);
   void add_name(std::uint32_t instance_id, const std::string& name) {
     scene_->added_names_.push_back({instance_id, name});
@@ -52,15 +62,21 @@ class SceneEditor {
   void count_instances();
 
   void set_top_level(tlas::TopLevel top_level) { scene_->top_level_ = std::move(top_level); }
-  /// Brings the boxes of these instances up to date in the top level (any order, repeats allowed).
-  void update_boxes(std::vector<std::uint32_t> instance_ids);
+  /// Brings the top level up to date: the boxes of these instances (any order, repeats allowed), and of those
+  /// that move_instances() has moved. At most once, after all else.
+  void update_top_level(std::vector<std::uint32_t> instance_ids);
   /// The box of a slot as the top level needs it; empty for a dead one.
   [[nodiscard]] tlas::InstanceBox hit_box_of(std::uint32_t instance_id) const;
 
   [[nodiscard]] std::shared_ptr<const Scene> publish() { return std::move(scene_); }
 
  private:
+  /// The boxes as they come to be; the top level has those of before.
+  tlas::BoxTable& boxes();
+
   std::shared_ptr<Scene> scene_;
+  std::optional<tlas::BoxTable> boxes_;
+  std::vector<std::uint32_t> moved_;  ///< by move_instances: their boxes are in boxes_
 };
 
 }  // namespace gridcast::scene

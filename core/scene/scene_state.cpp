@@ -49,7 +49,7 @@ class SceneKeeper {
   }
 
  private:
-  using Instances = ChunkedVector<Instance, 64>;
+  using Instances = ChunkedVector<Instance, 32>;
 
   struct Kept {
     std::uint64_t version;

@@ -25,7 +25,7 @@ class Update {
     if (scene().instance_slots() >= kInvalidId - 1)
       return Error{ErrorCode::kLimitExceeded, "all instance ids are used", ""};
     const InstanceTransform transform(edit.world_from_object);
-    if (!transform.active()) return singular();
+    if (!transform.active()) return singular_transform("/world_from_object");
     touched_.push_back(editor_.add_instance({transform, edit.mesh_id, true}, edit.name));
     report_.added_instances.push_back(touched_.back());
     return ok_status();
@@ -41,9 +41,15 @@ class Update {
   Status operator()(const MoveInstance& edit) {
     if (scene().find_instance(edit.instance_id) == nullptr) return no_instance(edit.instance_id);
     const InstanceTransform transform(edit.world_from_object);
-    if (!transform.active()) return singular();
+    if (!transform.active()) return singular_transform("/world_from_object");
     editor_.move_instance(edit.instance_id, transform);
     touched_.push_back(edit.instance_id);
+    return ok_status();
+  }
+
+  Status operator()(const MoveInstances& edit) {
+    if (Status status = editor_.move_instances(edit.moves); !status)
+      return Error{status.error().code, status.error().message, "/moves" + status.error().where};
     return ok_status();
   }
 
@@ -74,7 +80,7 @@ class Update {
     report_.meshes = mesh_edits_.reports();
     report_.poses = pose_edits_.reports(mesh_edits_);
     touch_instances_of_edited_meshes();
-    editor_.update_boxes(std::move(touched_));
+    editor_.update_top_level(std::move(touched_));
     report_.ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
     return UpdateResult{editor_.publish(), std::move(report_)};
   }
@@ -82,10 +88,6 @@ class Update {
  private:
   [[nodiscard]] const Scene& scene() const { return editor_.scene(); }
 
-  static Error singular() {
-    return {ErrorCode::kInvalidArgument, "the transform is singular, not finite or out of range",
-            "/world_from_object"};
-  }
   static Error no_instance(std::uint32_t instance_id) {
     return {ErrorCode::kNotFound, "there is no instance " + std::to_string(instance_id), "/instance_id"};
   }
@@ -99,7 +101,7 @@ class Update {
   SceneEditor editor_;
   MeshEdits mesh_edits_;
   PoseEdits pose_edits_;
-  std::vector<std::uint32_t> touched_;  // instances whose box may have changed
+  std::vector<std::uint32_t> touched_;  // instances whose box may have changed, but by MoveInstances
   UpdateReport report_;
   std::size_t edit_index_ = 0;
 };

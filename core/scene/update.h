@@ -23,6 +23,10 @@ struct MoveInstance {
   std::uint32_t instance_id = kInvalidId;
   Affine world_from_object;
 };
+/// Many moves in one edit: no instance twice. Where an update moves many instances, this is the fast way.
+struct MoveInstances {
+  std::vector<MoveInstance> moves;
+};
 
 /// kAuto: refit where the structure can and the tree stays good, else rebuild.
 enum class UpdateMode : std::uint8_t { kAuto, kRefit, kRebuild };
@@ -89,7 +93,8 @@ struct SetPose {
   UpdateMode mode = UpdateMode::kAuto;
 };
 
-using SceneEdit = std::variant<AddInstance, RemoveInstance, MoveInstance, ReplaceVertices, AddMesh, SetPose>;
+using SceneEdit =
+    std::variant<AddInstance, RemoveInstance, MoveInstance, MoveInstances, ReplaceVertices, AddMesh, SetPose>;
 
 enum class MeshAction : std::uint8_t { kRefit, kRebuild };
 [[nodiscard]] std::string_view to_string(MeshAction action);  ///< refit, rebuild

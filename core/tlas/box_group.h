@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <span>
 
 #include "core/math/bounds.h"
 #include "core/tlas/grid_layout.h"
@@ -25,14 +26,14 @@ struct alignas(64) BoxGroup {
   std::uint8_t seen[7];
   NextGroup next;
 
+  /// No slot is used.
   void clear() {
     *this = {};
-    for (int axis = 0; axis < 3; ++axis) {
-      for (std::size_t slot = 0; slot < kSlots; ++slot) {
-        planes[0][axis][slot] = std::numeric_limits<float>::infinity();
-        planes[1][axis][slot] = -std::numeric_limits<float>::infinity();
-      }
-    }
+    clear_boxes(0);
+  }
+  /// From `first` on.
+  void clear_boxes(std::size_t first) {
+    for (std::size_t slot = first; slot < kSlots; ++slot) set_box(slot, {});
   }
   void set_box(std::size_t slot, const Bounds3f& box) {
     for (int axis = 0; axis < 3; ++axis) {
@@ -78,13 +79,32 @@ struct BoxRecord {
   }
 };
 
+/// Bit k of byte s of `rows` becomes bit s of byte k: "Hacker's Delight", H. Warren, 2003, section 7-3.
+[[nodiscard]] inline std::uint64_t transpose_bits(std::uint64_t rows) {
+  const auto swap = [&](std::uint32_t distance, std::uint64_t lower) {
+    const std::uint64_t differ = (rows ^ (rows >> distance)) & lower;
+    rows ^= differ ^ (differ << distance);
+  };
+  swap(7, 0x00AA00AA00AA00AA);
+  swap(14, 0x0000CCCC0000CCCC);
+  swap(28, 0x00000000F0F0F0F0);
+  return rows;
+}
+
+/// Writes all of a group: these instances, which are in `cell`.
 template <std::size_t kSlots>
-void set_instance(BoxGroup<kSlots>& group, std::size_t slot, const BoxRecord& record, const Cell& cell) {
-  group.set_box(slot, record.box);
-  group.links[slot] = record.instance_id;
-  const std::uint32_t bits = record.seen_from(cell);
-  for (std::uint32_t side = 0; side < 6; ++side)
-    group.seen[side] |= std::uint8_t(((bits >> side) & 1U) << slot);
+void set_instances(BoxGroup<kSlots>& group, std::span<const BoxRecord* const> records, const Cell& cell) {
+  std::uint64_t seen = 0;
+  for (std::size_t slot = 0; slot < records.size(); ++slot) {
+    group.set_box(slot, records[slot]->box);
+    group.links[slot] = records[slot]->instance_id;
+    seen |= std::uint64_t(records[slot]->seen_from(cell)) << (8 * slot);
+  }
+  for (std::size_t slot = records.size(); slot < kSlots; ++slot) group.links[slot] = 0;
+  group.clear_boxes(records.size());
+  seen = transpose_bits(seen);
+  for (std::size_t side = 0; side < 7; ++side) group.seen[side] = std::uint8_t(seen >> (8 * side));
+  group.next = NextGroup::kNone;
 }
 
 }  // namespace gridcast::tlas

@@ -7,89 +7,101 @@ namespace {
 
 constexpr std::size_t kSlots = 8;
 
-class TreeBuilder {
- public:
-  TreeBuilder(const Cell& cell, TreeGroups& groups) : cell_(cell), groups_(groups), root_(groups.size()) {}
-
-  /// Returns the link to what holds `records`, with their box and the `seen` bits that all of them share.
-  struct Built {
-    std::uint32_t link;
-    Bounds3f box;
-    std::uint32_t seen;
-  };
-  Built build(std::span<const BoxRecord*> records) {
-    return records.size() <= kSlots ? leaf(records) : node(records);
+/// Where the children of a node over `count` instances begin: whole leaves, shared among them as evenly as
+/// can be.
+struct Children {
+  explicit Children(std::size_t count) {
+    const std::size_t leaves = (count + kSlots - 1) / kSlots;
+    size = std::min(leaves, kSlots);
+    for (std::size_t k = 0; k <= size; ++k) begins[k] = std::min(leaves * k / size * kSlots, count);
   }
-
- private:
-  std::size_t append() {
-    groups_.emplace_back();
-    groups_.back().clear();
-    return groups_.size() - 1;
-  }
-
-  Built leaf(std::span<const BoxRecord*> records) {
-    const std::size_t at = append();
-    Built built{std::uint32_t(at - root_) | tree_link::kLeafBit, {}, ~0U};
-    for (std::size_t slot = 0; slot < records.size(); ++slot) {
-      set_instance(groups_[at], slot, *records[slot], cell_);
-      built.box.extend(records[slot]->box);
-      built.seen &= records[slot]->seen_from(cell_);
-    }
-    return built;
-  }
-
-  Built node(std::span<const BoxRecord*> records) {
-    const std::size_t at = append();
-    // Whole leaves, shared among the children as evenly as can be.
-    const std::size_t leaves = (records.size() + kSlots - 1) / kSlots;
-    const std::size_t children = std::min(leaves, kSlots);
-    std::size_t begins[kSlots + 1];
-    for (std::size_t k = 0; k <= children; ++k)
-      begins[k] = std::min(leaves * k / children * kSlots, records.size());
-    partition(records, begins, 0, children);
-    Built built{std::uint32_t(at - root_), {}, ~0U};
-    for (std::size_t k = 0; k < children; ++k) {
-      const Built child = build(records.subspan(begins[k], begins[k + 1] - begins[k]));
-      BoxGroup<kSlots>& group = groups_[at];
-      group.set_box(k, child.box);
-      group.links[k] = child.link;
-      for (std::size_t side = 0; side < 6; ++side)
-        group.seen[side] |= std::uint8_t(((child.seen >> side) & 1U) << k);
-      built.box.extend(child.box);
-      built.seen &= child.seen;
-    }
-    return built;
-  }
-
-  /// Sorts the records into parts first .. last, halving along the longest extent of their centres.
-  static void partition(std::span<const BoxRecord*> records, const std::size_t* begins, std::size_t first,
-                        std::size_t last) {
-    if (last - first < 2) return;
-    Bounds3f centers;
-    for (std::size_t i = begins[first]; i < begins[last]; ++i) centers.extend(twice_center(*records[i]));
-    const Vec3f extent = centers.extent();
-    const int axis = extent.x >= extent.y ? (extent.x >= extent.z ? 0 : 2) : (extent.y >= extent.z ? 1 : 2);
-    const std::size_t middle = (first + last) / 2;
-    const auto at = [&](std::size_t part) { return records.begin() + std::ptrdiff_t(begins[part]); };
-    std::nth_element(at(first), at(middle), at(last), [axis](const BoxRecord* a, const BoxRecord* b) {
-      const float x = twice_center(*a)[axis], y = twice_center(*b)[axis];
-      return x < y || (x == y && a->instance_id < b->instance_id);
-    });
-    partition(records, begins, first, middle);
-    partition(records, begins, middle, last);
-  }
-  static Vec3f twice_center(const BoxRecord& record) { return record.box.lower + record.box.upper; }
-
-  Cell cell_;
-  TreeGroups& groups_;
-  std::size_t root_;
+  std::size_t begins[kSlots + 1] = {};
+  std::size_t size;
 };
 
 }  // namespace
 
-void append_cell_tree(std::span<const BoxRecord*> records, const Cell& cell, TreeGroups& groups) {
-  TreeBuilder(cell, groups).build(records);
+std::size_t cell_tree_size(std::size_t instances) {
+  if (instances <= kSlots) return 1;
+  const Children children(instances);
+  std::size_t size = 1;
+  for (std::size_t k = 0; k < children.size; ++k)
+    size += cell_tree_size(children.begins[k + 1] - children.begins[k]);
+  return size;
+}
+
+void CellTreeBuilder::build(std::span<const BoxRecord* const> records, const Cell& cell,
+                            std::span<BoxGroup<8>> groups) {
+  items_.resize(records.size());
+  for (std::size_t i = 0; i < records.size(); ++i) {
+    const Vec3f center = records[i]->box.lower + records[i]->box.upper;
+    items_[i] = {{center.x, center.y, center.z}, std::uint32_t(i)};
+  }
+  records_ = records;
+  cell_ = cell;
+  groups_ = groups;
+  used_ = 0;
+  build(items_);
+}
+
+CellTreeBuilder::Built CellTreeBuilder::build(std::span<Item> items) {
+  return items.size() <= kSlots ? leaf(items) : node(items);
+}
+
+CellTreeBuilder::Built CellTreeBuilder::leaf(std::span<const Item> items) {
+  const std::size_t at = used_++;
+  Built built{std::uint32_t(at) | tree_link::kLeafBit, {}, ~0U};
+  const BoxRecord* records[kSlots];
+  for (std::size_t slot = 0; slot < items.size(); ++slot) {
+    records[slot] = records_[items[slot].record];
+    built.box.extend(records[slot]->box);
+    built.seen &= records[slot]->seen_from(cell_);
+  }
+  set_instances<kSlots>(groups_[at], {records, items.size()}, cell_);
+  return built;
+}
+
+CellTreeBuilder::Built CellTreeBuilder::node(std::span<Item> items) {
+  const std::size_t at = used_++;
+  const Children children(items.size());
+  partition(items, children.begins, 0, children.size);
+  Built built{std::uint32_t(at), {}, ~0U};
+  BoxGroup<kSlots>& group = groups_[at];
+  group.clear();
+  for (std::size_t k = 0; k < children.size; ++k) {
+    const Built child = build(items.subspan(children.begins[k], children.begins[k + 1] - children.begins[k]));
+    group.set_box(k, child.box);
+    group.links[k] = child.link;
+    for (std::size_t side = 0; side < 6; ++side)
+      group.seen[side] |= std::uint8_t(((child.seen >> side) & 1U) << k);
+    built.box.extend(child.box);
+    built.seen &= child.seen;
+  }
+  return built;
+}
+
+/// Sorts the items into parts first .. last, halving along the longest extent of their centres.
+void CellTreeBuilder::partition(std::span<Item> items, const std::size_t* begins, std::size_t first,
+                                std::size_t last) {
+  if (last - first < 2) return;
+  float lower[3], upper[3];
+  for (int axis = 0; axis < 3; ++axis) lower[axis] = upper[axis] = items[begins[first]].center[axis];
+  for (std::size_t i = begins[first]; i < begins[last]; ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      lower[axis] = std::min(lower[axis], items[i].center[axis]);
+      upper[axis] = std::max(upper[axis], items[i].center[axis]);
+    }
+  }
+  const Vec3f extent{upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]};
+  const int axis = extent.x >= extent.y ? (extent.x >= extent.z ? 0 : 2) : (extent.y >= extent.z ? 1 : 2);
+  const std::size_t middle = (first + last) / 2;
+  const auto at = [&](std::size_t part) { return items.begin() + std::ptrdiff_t(begins[part]); };
+  std::nth_element(at(first), at(middle), at(last), [axis](const Item& a, const Item& b) {
+    const float x = a.center[axis], y = b.center[axis];
+    return x < y || (x == y && a.record < b.record);
+  });
+  partition(items, begins, first, middle);
+  partition(items, begins, middle, last);
 }
 
 }  // namespace gridcast::tlas

@@ -13,11 +13,40 @@ std::size_t lines_for(std::size_t bytes) {
   return (bytes + kLine - 1) / kLine;
 }
 
+/// Lines of the groups of a cell that lists so many instances.
+std::size_t lines_of_cell(std::size_t count) {
+  if (count > kMaxFlat) return cell_tree_size(count) * sizeof(BoxGroup<8>) / kLine;
+  const std::size_t rest = count % 8;  // up to four of them take half a group
+  return (count / 8 * sizeof(BoxGroup<8>) +
+          (rest == 0 ? 0 : (rest > 4 ? sizeof(BoxGroup<8>) : sizeof(BoxGroup<4>)))) /
+         kLine;
+}
+
+CellKind kind_of_cell(std::size_t count) {
+  return count > kMaxFlat ? CellKind::kTree : (count > 4 ? CellKind::kEight : CellKind::kFour);
+}
+
+template <std::size_t kSlots>
+std::byte* write_group(std::byte* at, std::span<const BoxRecord* const> records, const Cell& cell,
+                       NextGroup next) {
+  auto* group = new (at) BoxGroup<kSlots>;
+  set_instances(*group, records, cell);
+  group->next = next;
+  return at + sizeof *group;
+}
+
+/// Calls visit(index) for every bit that is set, ascending.
+template <class Visit>
+void for_each_bit(std::uint64_t bits, const Visit& visit) {
+  for (; bits != 0; bits &= bits - 1) visit(std::uint32_t(std::countr_zero(bits)));
+}
+
 }  // namespace
 
 // Counting sort by cell: counts, sums, then every reference to its place, in the order of ids.
 void BlockBuilder::file(const CellRange& cells, std::span<const std::uint32_t> listed) {
-  records_.clear();
+  if (records_.size() < listed.size()) records_.resize(listed.size());
+  if (cells_.size() < listed.size()) cells_.resize(listed.size());
   std::fill(std::begin(first_), std::end(first_), 0U);
   // Neighbours in a block are seldom neighbours in the table, so their boxes are asked for early.
   constexpr std::size_t kAhead = 12;
@@ -28,79 +57,35 @@ void BlockBuilder::file(const CellRange& cells, std::span<const std::uint32_t> l
       __builtin_prefetch(&ahead->drift);
     }
     const std::uint32_t id = listed[k];
-    const InstanceBox& box = boxes_[id];
-    const Bounds3d room = layout_.grown(box);
-    const BoxRecord& record =
-        records_.emplace_back(BoxRecord{layout_.local_box(room), id, layout_.range_within(room)});
-    record.range.intersection(cells).for_each([&](const Cell& c) { ++first_[layout_.local_of(c) + 1]; });
+    const Bounds3d room = layout_.grown(boxes_[id]);
+    BoxRecord& record = records_[k];
+    record = {layout_.local_box(room), id, ranges_.empty() ? layout_.range_within(room) : ranges_[id]};
+    cells_[k] = layout_.bits_of(record.range.intersection(cells));
+    for_each_bit(cells_[k], [&](std::uint32_t local) { ++first_[local + 1]; });
   }
   for (std::size_t c = 1; c < std::size(first_); ++c) first_[c] += first_[c - 1];
   references_.resize(first_[std::size(first_) - 1]);
   // Filling moves the start of each cell to that of the next one, so the starts are shifted back afterwards.
-  for (const BoxRecord& record : records_) {
-    record.range.intersection(cells).for_each(
-        [&](const Cell& c) { references_[first_[layout_.local_of(c)]++] = &record; });
-  }
+  for (std::size_t k = 0; k < listed.size(); ++k)
+    for_each_bit(cells_[k], [&](std::uint32_t local) { references_[first_[local]++] = &records_[k]; });
   std::rotate(std::begin(first_), std::end(first_) - 1, std::end(first_));
   first_[0] = 0;
 }
 
-template <std::size_t kSlots>
-void BlockBuilder::append_group(std::span<const BoxRecord* const> records, const Cell& cell, NextGroup next) {
-  const std::size_t at = lines_.size();
-  lines_.resize(at + sizeof(BoxGroup<kSlots>) / kLine);
-  auto* group = new (&lines_[at]) BoxGroup<kSlots>;
-  group->clear();
-  group->next = next;
-  for (std::size_t slot = 0; slot < records.size(); ++slot) set_instance(*group, slot, *records[slot], cell);
-}
-
-void BlockBuilder::append_cell(std::span<const BoxRecord*> records, const Cell& cell) {
-  const auto start = std::uint32_t(lines_.size() << 2);
+void BlockBuilder::write_cell(std::byte* at, std::span<const BoxRecord* const> records, const Cell& cell) {
   if (records.size() > kMaxFlat) {
-    tree_.clear();
-    append_cell_tree(records, cell, tree_);
-    const std::size_t at = lines_.size();
-    lines_.resize(at + tree_.size() * sizeof(tree_[0]) / kLine);
-    std::memcpy(&lines_[at], tree_.data(), tree_.size() * sizeof(tree_[0]));
-    starts_.push_back(start | std::uint32_t(CellKind::kTree));
+    const std::size_t size = cell_tree_size(records.size());
+    auto* groups = new (at) BoxGroup<8>[size];
+    trees_.build(records, cell, {groups, size});
     return;
   }
-  starts_.push_back(start | std::uint32_t(records.size() > 4 ? CellKind::kEight : CellKind::kFour));
   while (records.size() > 4) {
     const std::size_t count = std::min<std::size_t>(records.size(), 8), left = records.size() - count;
-    append_group<8>(records.first(count), cell,
-                    left == 0 ? NextGroup::kNone : (left > 4 ? NextGroup::kEight : NextGroup::kFour));
+    at = write_group<8>(at, records.first(count), cell,
+                        left == 0 ? NextGroup::kNone : (left > 4 ? NextGroup::kEight : NextGroup::kFour));
     records = records.subspan(count);
   }
-  if (!records.empty()) append_group<4>(records, cell, NextGroup::kNone);
-}
-
-std::shared_ptr<const GridBlock> BlockBuilder::assemble(std::uint64_t occupied,
-                                                        std::span<const std::uint32_t> listed) const {
-  const std::size_t head = lines_for(GridBlock::kStartsOffset + starts_.size() * sizeof(starts_[0]));
-  const std::size_t total = head + lines_.size() + lines_for(listed.size_bytes());
-  void* memory = ::operator new(total* kLine, std::align_val_t(kLine));
-  auto* block = new (memory) GridBlock;
-  std::shared_ptr<const GridBlock> owner(block, [](const GridBlock* held) {
-    ::operator delete(const_cast<GridBlock*>(held), std::align_val_t(kLine));
-  });
-  block->occupied_ = occupied;
-  block->listed_line_ = std::uint32_t(head + lines_.size());
-  block->listed_count_ = std::uint32_t(listed.size());
-  block->line_count_ = std::uint32_t(total);
-  block->reference_count_ = std::uint32_t(references_.size());
-  auto* bytes = static_cast<std::byte*>(memory);
-  std::byte* start = bytes + GridBlock::kStartsOffset;
-  for (const std::uint32_t relative : starts_) {
-    block->tree_count_ += std::uint32_t(CellKind(relative & 3U) == CellKind::kTree);
-    const auto moved = std::uint32_t(relative + (head << 2));
-    std::memcpy(start, &moved, sizeof moved);
-    start += sizeof moved;
-  }
-  std::memcpy(bytes + head * kLine, lines_.data(), lines_.size() * kLine);
-  std::memcpy(bytes + std::size_t(block->listed_line_) * kLine, listed.data(), listed.size_bytes());
-  return owner;
+  if (!records.empty()) write_group<4>(at, records, cell, NextGroup::kNone);
 }
 
 std::shared_ptr<const GridBlock> BlockBuilder::make(std::uint32_t block,
@@ -108,17 +93,57 @@ std::shared_ptr<const GridBlock> BlockBuilder::make(std::uint32_t block,
   if (listed.empty()) return nullptr;
   const CellRange cells = layout_.cells_of_block(block);
   file(cells, listed);
-  starts_.clear();
-  lines_.clear();
   std::uint64_t occupied = 0;
+  std::size_t group_lines = 0;
+  std::uint32_t trees = 0;
+  for (std::uint32_t local = 0; local < 64; ++local) {
+    const std::size_t count = first_[local + 1] - first_[local];
+    if (count == 0) continue;
+    occupied |= std::uint64_t(1) << local;
+    group_lines += lines_of_cell(count);
+    trees += std::uint32_t(kind_of_cell(count) == CellKind::kTree);
+  }
+  std::shared_ptr<GridBlock> made =
+      GridBlock::allocate(occupied, group_lines, listed, std::uint32_t(references_.size()), trees);
+  std::size_t rank = 0, line = made->first_group_line();
   // In the order of local indices, which is that of for_each.
   cells.for_each([&](const Cell& cell) {
-    const std::uint32_t local = layout_.local_of(cell);
-    if (first_[local] == first_[local + 1]) return;
-    occupied |= std::uint64_t(1) << local;
-    append_cell({references_.data() + first_[local], references_.data() + first_[local + 1]}, cell);
+    const std::span<const BoxRecord* const> records = references(layout_.local_of(cell));
+    if (records.empty()) return;
+    made->set_start(rank++, line, kind_of_cell(records.size()));
+    write_cell(made->bytes() + line * kLine, records, cell);
+    line += lines_of_cell(records.size());
   });
-  return assemble(occupied, listed);
+  return made;
+}
+
+std::shared_ptr<GridBlock> GridBlock::allocate(std::uint64_t occupied, std::size_t group_lines,
+                                               std::span<const std::uint32_t> listed,
+                                               std::uint32_t references, std::uint32_t trees) {
+  const std::size_t starts_bytes = std::size_t(std::popcount(occupied)) * sizeof(std::uint32_t);
+  const std::size_t head = lines_for(kStartsOffset + starts_bytes);
+  const std::size_t total = head + group_lines + lines_for(listed.size_bytes());
+  void* memory = ::operator new(total* kLine, std::align_val_t(kLine));
+  auto* block = new (memory) GridBlock;
+  std::shared_ptr<GridBlock> owner(block,
+                                   [](GridBlock* held) { ::operator delete(held, std::align_val_t(kLine)); });
+  block->occupied_ = occupied;
+  block->listed_line_ = std::uint32_t(head + group_lines);
+  block->listed_count_ = std::uint32_t(listed.size());
+  block->line_count_ = std::uint32_t(total);
+  block->reference_count_ = references;
+  block->tree_count_ = trees;
+  std::memcpy(block->bytes() + std::size_t(block->listed_line_) * kLine, listed.data(), listed.size_bytes());
+  return owner;
+}
+
+void GridBlock::set_start(std::size_t rank, std::size_t line, CellKind kind) {
+  const std::uint32_t start = std::uint32_t(line << 2) | std::uint32_t(kind);
+  std::memcpy(bytes() + kStartsOffset + rank * sizeof start, &start, sizeof start);
+}
+
+std::size_t GridBlock::first_group_line() const {
+  return lines_for(kStartsOffset + std::size_t(std::popcount(occupied_)) * sizeof(std::uint32_t));
 }
 
 }  // namespace gridcast::tlas

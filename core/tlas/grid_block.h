@@ -47,9 +47,19 @@ class alignas(64) GridBlock {
   friend class BlockBuilder;
   static constexpr std::size_t kStartsOffset = 28;
   GridBlock() = default;
+  /// With room for the groups, which the builder writes from first_group_line() on.
+  [[nodiscard]] static std::shared_ptr<GridBlock> allocate(std::uint64_t occupied, std::size_t group_lines,
+                                                           std::span<const std::uint32_t> listed,
+                                                           std::uint32_t references, std::uint32_t trees);
+  [[nodiscard]] std::size_t first_group_line() const;
+  void set_start(std::size_t rank, std::size_t line, CellKind kind);  ///< of the occupied cell of that rank
   [[nodiscard]] const std::byte* bytes() const {
     const void* self = this;
     return static_cast<const std::byte*>(self);
+  }
+  [[nodiscard]] std::byte* bytes() {
+    void* self = this;
+    return static_cast<std::byte*>(self);
   }
 
   std::uint64_t occupied_ = 0;
@@ -61,33 +71,29 @@ class alignas(64) GridBlock {
 /// Makes blocks; one per thread, so that its scratch memory is used again.
 class BlockBuilder {
  public:
-  BlockBuilder(const GridLayout& layout, const BoxTable& boxes) : layout_(layout), boxes_(boxes) {}
+  /// `ranges` are those of the boxes where they are known, by id, or none.
+  BlockBuilder(const GridLayout& layout, const BoxTable& boxes, std::span<const CellRange> ranges = {})
+      : layout_(layout), boxes_(boxes), ranges_(ranges) {}
   /// The block in which exactly the instances `listed` (ascending) are filed; null when there are none. A
   /// function of the layout and the boxes alone.
   [[nodiscard]] std::shared_ptr<const GridBlock> make(std::uint32_t block,
                                                       std::span<const std::uint32_t> listed);
 
  private:
-  struct alignas(GridBlock::kLineBytes) Line {
-    std::byte bytes[GridBlock::kLineBytes];
-  };
-  using Lines = std::vector<Line, oneapi::tbb::cache_aligned_allocator<Line>>;
-
   void file(const CellRange& cells, std::span<const std::uint32_t> listed);
-  void append_cell(std::span<const BoxRecord*> records, const Cell& cell);
-  template <std::size_t kSlots>
-  void append_group(std::span<const BoxRecord* const> records, const Cell& cell, NextGroup next);
-  [[nodiscard]] std::shared_ptr<const GridBlock> assemble(std::uint64_t occupied,
-                                                          std::span<const std::uint32_t> listed) const;
+  [[nodiscard]] std::span<const BoxRecord* const> references(std::size_t local) const {
+    return {references_.data() + first_[local], references_.data() + first_[local + 1]};
+  }
+  void write_cell(std::byte* at, std::span<const BoxRecord* const> records, const Cell& cell);
 
   const GridLayout& layout_;
   const BoxTable& boxes_;
-  std::vector<BoxRecord> records_;
+  std::span<const CellRange> ranges_;
+  std::vector<BoxRecord> records_;            ///< of the instances listed
+  std::vector<std::uint64_t> cells_;          ///< of each record, a bit each
   std::vector<const BoxRecord*> references_;  ///< by cell
   std::uint32_t first_[65] = {};              ///< of each cell in references_
-  std::vector<std::uint32_t> starts_;         ///< of each occupied cell: line << 2 | kind
-  Lines lines_;                               ///< the groups of all cells
-  TreeGroups tree_;
+  CellTreeBuilder trees_;
 };
 
 }  // namespace gridcast::tlas

@@ -18,6 +18,10 @@ void GridLayout::prepare() {
     ++shift[longest];
     blocks[longest] = ((cells[longest] - 1) >> shift[longest]) + 1;
   }
+  first_of_rows = first_of_layers = 0;
+  for (std::uint32_t y = 0; y < (1U << shift[1]); ++y) first_of_rows |= std::uint64_t(1) << (y << shift[0]);
+  for (std::uint32_t z = 0; z < (1U << shift[2]); ++z)
+    first_of_layers |= std::uint64_t(1) << (z << (shift[0] + shift[1]));
 }
 
 CellRange GridLayout::cells_of_block(std::uint32_t block) const {

@@ -28,10 +28,13 @@ struct GridLayout {
   std::uint32_t shift[3] = {0, 0, 0};   ///< log2 of a block's cells along each axis
   std::uint32_t blocks[3] = {1, 1, 1};  ///< along each axis
 
+  std::uint64_t first_of_rows = 1;    ///< a bit for the first cell of each row of a block
+  std::uint64_t first_of_layers = 1;  ///< and of each layer
+
   double slack = 0.0;    ///< rounding_slack for rays from within reach
   double outward = 0.0;  ///< see local_box
 
-  /// Sets what follows from bounds, cells and reach: the shape of the blocks, the center, slack and outward.
+  /// Sets what follows from bounds, cells and reach: the shape of the blocks, the center and all below.
   void prepare();
 
   [[nodiscard]] std::uint64_t cell_count() const { return std::uint64_t(cells[0]) * cells[1] * cells[2]; }
@@ -49,6 +52,19 @@ struct GridLayout {
   [[nodiscard]] std::uint32_t local_of(const Cell& c) const { return local_of(c[0], c[1], c[2]); }
   /// The cells of a block that are inside the grid.
   [[nodiscard]] CellRange cells_of_block(std::uint32_t block) const;
+  /// The cells of a range that lies in one block: bit k is the cell with local_of() k. The product of the
+  /// bits of a row, of its rows and of its layers, each of which are in their own place of what it is
+  /// multiplied by.
+  [[nodiscard]] std::uint64_t bits_of(const CellRange& part) const {
+    const auto bits = [&](std::size_t axis, std::uint32_t scale) {
+      const std::uint32_t inside = (1U << shift[axis]) - 1U;
+      const std::uint32_t first = (part.lower[axis] & inside) << scale;
+      const std::uint32_t end = ((part.upper[axis] & inside) + 1U) << scale;
+      return (~std::uint64_t(0) >> (64 - end)) & (~std::uint64_t(0) << first);
+    };
+    return bits(0, 0) * (first_of_rows & bits(1, shift[0])) *
+           (first_of_layers & bits(2, shift[0] + shift[1]));
+  }
   /// The blocks that a range of cells touches, as a range of block coordinates.
   [[nodiscard]] CellRange blocks_of(const CellRange& range) const {
     CellRange touched;

@@ -18,12 +18,6 @@ struct InstanceBox {
   friend bool operator==(const InstanceBox&, const InstanceBox&) = default;
 };
 
-/// A new box for an instance; an id past the end adds slots up to it.
-struct BoxChange {
-  std::uint32_t instance_id = 0;
-  InstanceBox box;
-};
-
 using Cell = std::array<std::uint16_t, 3>;
 
 /// A box of cells, both ends included; the default is empty.
@@ -64,7 +58,7 @@ struct CellRange {
   friend bool operator==(const CellRange&, const CellRange&) = default;
 };
 
-/// The boxes of all instances, by id.
-using BoxTable = ChunkedVector<InstanceBox>;
+/// The boxes of all instances, by id. Chunks are small, since one that moves costs a copy of its chunk.
+using BoxTable = ChunkedVector<InstanceBox, 64>;
 
 }  // namespace gridcast::tlas

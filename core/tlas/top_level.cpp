@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 
@@ -13,6 +14,10 @@ namespace {
 /// Boxes that may leave the grid between builds, each tested for every ray: this many, and this share of all.
 constexpr std::size_t kFreeOutside = 16;
 constexpr std::size_t kOutsideShare = 16384;
+/// Changes, as a share of the instances, after which it is worth looking whether they have left the cells
+/// that the resolution was chosen for; and a number of cells that is not worth a build.
+constexpr std::size_t kDriftShare = 256;
+constexpr std::size_t kFewCells = 16;
 
 }  // namespace
 
@@ -40,7 +45,7 @@ TopLevel TopLevel::build(std::span<const InstanceBox> boxes, TopLevelChoice choi
   BoxTable table;
   table.grow(boxes.size());
   // Whole chunks a task.
-  constexpr std::size_t kPerTask = 16 * BoxTable::kChunkSize;
+  constexpr std::size_t kPerTask = 64 * BoxTable::kChunkSize;
   tbb::parallel_for(std::size_t(0), (boxes.size() + kPerTask - 1) / kPerTask, [&](std::size_t task) {
     for (std::size_t i = task * kPerTask; i < std::min(boxes.size(), (task + 1) * kPerTask); ++i)
       table.write(i) = boxes[i];
@@ -84,6 +89,7 @@ void TopLevel::build_grid() {
     if (!grid_ || grid_->layout().range_of(boxes_[id]).empty()) always_.push_back(id);
   }
   outside_at_build_ = always_.size();
+  occupied_at_build_ = grid_ ? grid_->occupied_cells() : 0;
 }
 
 void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const {
@@ -105,47 +111,42 @@ void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& v
 bool TopLevel::worth_rebuilding(std::size_t changes) const {
   if (2 * (changes_since_build_ + changes) >= reachable_ + changes) return true;
   if (!grid_) return false;
+  if (kDriftShare * changes_since_build_ >= reachable_ &&
+      2 * grid_->occupied_cells() + kFewCells < occupied_at_build_)
+    return true;
   return always_.size() > outside_at_build_ + kFreeOutside + reachable_ / kOutsideShare ||
          grid_->memory_bytes() > 2 * max_bytes(reachable_);
 }
 
-void TopLevel::replace(const BoxChange& change, std::vector<RangeChange>& range_changes) {
-  const std::uint32_t id = change.instance_id;
-  const InstanceBox old = boxes_[id];
-  if (old == change.box) return;
-  const auto range_of = [&](const InstanceBox& box) {
-    return grid_ ? grid_->layout().range_of(box) : CellRange{};
+void TopLevel::replace(std::uint32_t id, const InstanceBox& old, std::vector<RangeChange>& range_changes) {
+  const InstanceBox& box = boxes_[id];
+  if (old == box) return;
+  const auto range_of = [&](const InstanceBox& b) {
+    return grid_ ? grid_->layout().range_of(b) : CellRange{};
   };
-  const CellRange before = range_of(old), after = range_of(change.box);
-  boxes_.write(id) = change.box;
+  const CellRange before = range_of(old), after = range_of(box);
   if (!before.empty() || !after.empty()) range_changes.push_back({id, before, after});
 
-  const bool was_reachable = !old.bounds.empty(), reachable = !change.box.bounds.empty();
+  const bool was_reachable = !old.bounds.empty(), reachable = !box.bounds.empty();
   const bool was_alone = was_reachable && before.empty(), alone = reachable && after.empty();
   const auto place = std::lower_bound(always_.begin(), always_.end(), id);
   if (was_alone && !alone) always_.erase(place);
   if (alone && !was_alone) always_.insert(place, id);
-  bounds_.extend(change.box.bounds);
+  bounds_.extend(box.bounds);
   reachable_ += std::size_t(reachable) - std::size_t(was_reachable);
 }
 
-TopLevel TopLevel::updated(std::span<const BoxChange> changes) const {
-  std::size_t slots = boxes_.size();
-  for (const BoxChange& change : changes) slots = std::max(slots, std::size_t(change.instance_id) + 1);
-
-  if (!worth_rebuilding(changes.size())) {
-    TopLevel next = *this;
-    next.boxes_.grow(slots);
+void TopLevel::update(BoxTable boxes, std::span<const std::uint32_t> changed) {
+  const BoxTable before = std::exchange(boxes_, std::move(boxes));
+  if (!worth_rebuilding(changed.size())) {
     std::vector<RangeChange> range_changes;
-    for (const BoxChange& change : changes) next.replace(change, range_changes);
-    if (next.grid_) next.grid_->apply(range_changes, next.boxes_);
-    next.changes_since_build_ += changes.size();
-    if (!next.worth_rebuilding(0)) return next;
+    for (const std::uint32_t id : changed)
+      replace(id, id < before.size() ? before[id] : InstanceBox{}, range_changes);
+    if (grid_) grid_->apply(range_changes, boxes_);
+    changes_since_build_ += changed.size();
+    if (!worth_rebuilding(0)) return;
   }
-  BoxTable boxes = boxes_;
-  boxes.grow(slots);
-  for (const BoxChange& change : changes) boxes.write(change.instance_id) = change.box;
-  return build(std::move(boxes), choice_);
+  *this = build(std::move(boxes_), choice_);
 }
 
 }  // namespace gridcast::tlas

@@ -35,6 +35,8 @@ struct TopLevelStats {
   std::size_t reference_count = 0;  ///< instances counted once per cell that lists them
   std::size_t max_references_in_cell = 0;
   std::size_t always_tested = 0;  ///< instances in no cell, tested for every ray
+  double ray_cost =
+      0.0;  ///< of a random line that meets the boxes, by the cost model and what the cells hold
   std::size_t memory_bytes = 0;
   double build_ms = 0.0;
 };
@@ -55,11 +57,12 @@ class TopLevel {
   [[nodiscard]] static TopLevel build(BoxTable boxes, TopLevelChoice choice = TopLevelChoice::kAuto);
   [[nodiscard]] static TopLevel build(std::span<const InstanceBox> boxes,
                                       TopLevelChoice choice = TopLevelChoice::kAuto);
-  /// The same with some boxes replaced, each instance at most once; ids past the end add slots. Costs
+  /// Takes the boxes as they are now, of which only those of `changed` (ascending) differ or are new. Costs
   /// O(changes) and the blocks they touch. Built anew, in linear time, when half of the instances have
-  /// changed since the last build, or when the grid's memory bound or the number of boxes outside the grid is
-  /// passed.
-  [[nodiscard]] TopLevel updated(std::span<const BoxChange> changes) const;
+  /// changed since the last build, when a 256th has and half of the occupied cells are empty now, or when the
+  /// grid's memory bound or the number of boxes outside the grid is passed. So the resolution follows where
+  /// the instances are, and building is paid for by the changes.
+  void update(BoxTable boxes, std::span<const std::uint32_t> changed);
 
   /// Calls `visit(instance_id)` once for every instance that can hold a hit in [ray.tnear, far], roughly
   /// from near to far. `visit` returns the largest t still of interest (the best t so far; -infinity ends
@@ -89,6 +92,7 @@ class TopLevel {
 
   [[nodiscard]] const Bounds3d& bounds() const { return bounds_; }  ///< holds every box
   [[nodiscard]] std::size_t slots() const { return boxes_.size(); }
+  [[nodiscard]] const BoxTable& boxes() const { return boxes_; }
   [[nodiscard]] const InstanceBox& box(std::uint32_t instance_id) const { return boxes_[instance_id]; }
   /// The instance that `traverse` can visit, where there is no other.
   [[nodiscard]] std::optional<std::uint32_t> sole_instance() const {
@@ -102,7 +106,7 @@ class TopLevel {
 
  private:
   [[nodiscard]] bool worth_rebuilding(std::size_t changes) const;
-  void replace(const BoxChange& change, std::vector<RangeChange>& range_changes);
+  void replace(std::uint32_t id, const InstanceBox& old, std::vector<RangeChange>& range_changes);
 
   void traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const;
   void search_all(const Vec3d& point, double radius, const NearVisitor& visitor) const;
@@ -116,6 +120,7 @@ class TopLevel {
   std::size_t reachable_ = 0;            ///< instances with a box
   std::size_t changes_since_build_ = 0;  ///< boxes replaced or added
   std::size_t outside_at_build_ = 0;     ///< size of always_ then
+  std::size_t occupied_at_build_ = 0;    ///< cells
   std::string reason_;
   double build_ms_ = 0.0;
 };

@@ -1,10 +1,12 @@
 // What a top level is made of, and whether it is sound.
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <limits>
 #include <vector>
 
+#include "core/tlas/grid_cost.h"
 #include "core/tlas/top_level.h"
 
 namespace gridcast::tlas {
@@ -75,6 +77,23 @@ class CellReader {
   const Visit& visit_;
 };
 
+/// What a cell costs a ray by the cost model, with as many instances as it has.
+double cost_of_cell(std::size_t count) {
+  if (count > kMaxFlat)
+    return kCellCost + kNodeCost * (1.0 + kNodesPerDoubling * std::log2(double(count) / 8.0));
+  return kCellCost + kGroupCost * std::ceil(double(count) / 8.0);
+}
+
+/// What a random line that meets the box `scene` costs in a grid around it, when nothing stops it:
+/// `cells_cost` is the sum over the cells, each of which it meets by the share of its surface.
+double cost_of_ray(const GridLayout& layout, const Bounds3d& scene, double cells_cost) {
+  const Vec3d extent = glm::max(scene.extent(), layout.cell);
+  const double share =
+      Bounds3d{Vec3d(0.0), layout.cell}.half_area() / Bounds3d{Vec3d(0.0), extent}.half_area();
+  const Vec3d cells = extent / layout.cell;
+  return kWalkCost + share * (kStepCost * cells.x * cells.y * cells.z + cells_cost);
+}
+
 }  // namespace
 
 std::size_t TopLevel::memory_bytes() const {
@@ -91,7 +110,7 @@ UniformGrid::Stats UniformGrid::stats() const {
       if (!held->occupied(local)) continue;
       std::size_t count = 0;
       CellReader([&](auto&&...) { ++count; }).read(held->cell(local));
-      ++stats.occupied_cells;
+      stats.cells_cost += cost_of_cell(count);
       stats.max_references_in_cell = std::max(stats.max_references_in_cell, count);
     }
   }
@@ -114,10 +133,13 @@ TopLevelStats TopLevel::stats() const {
   std::copy(std::begin(layout.cells), std::end(layout.cells), std::begin(stats.cells));
   stats.bounds = layout.bounds;
   stats.cell_count = layout.cell_count();
-  stats.occupied_cells = cells.occupied_cells;
+  stats.occupied_cells = grid_->occupied_cells();
   stats.tree_cells = grid_->tree_count();
   stats.reference_count = grid_->reference_count();
   stats.max_references_in_cell = cells.max_references_in_cell;
+  Bounds3d scene;
+  for (std::size_t id = 0; id < boxes_.size(); ++id) scene.extend(boxes_[id].bounds);
+  stats.ray_cost = cost_of_ray(layout, scene, cells.cells_cost);
   return stats;
 }
 

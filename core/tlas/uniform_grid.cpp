@@ -1,37 +1,45 @@
 #include "core/tlas/uniform_grid.h"
 
 #include <algorithm>
+#include <bit>
 #include <numeric>
 #include <tuple>
 #include <utility>
 #include <vector>
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 namespace gridcast::tlas {
 namespace {
 
-/// Instances per task of the counting sort; bounds the number of histograms too.
-constexpr std::size_t kInstancesPerTask = 16384;
+/// Tasks of the counting sort, each with a histogram: so many instances each at least, and all histograms
+/// together with no more entries than twice the instances.
+constexpr std::size_t kInstancesPerTask = 2048;
 constexpr std::size_t kMaxTasks = 64;
+
+std::size_t task_count(std::size_t instances, std::size_t blocks) {
+  return std::clamp<std::size_t>(std::min(instances / kInstancesPerTask, 2 * instances / blocks), 1,
+                                 kMaxTasks);
+}
 
 /// Instances by the blocks that they reach into, each block's ascending.
 class BlockLists {
  public:
   // A counting sort without atomics: one histogram per task, so that the order within a block is that of the
   // ids whatever the threads do.
-  BlockLists(const GridLayout& layout, const BoxTable& boxes) : layout_(layout), boxes_(boxes) {
+  BlockLists(const GridLayout& layout, const BoxTable& boxes)
+      : layout_(layout),
+        boxes_(boxes),
+        tasks_(task_count(boxes.size(), layout.block_count())),
+        ranges_(boxes.size()) {
     const std::size_t blocks = layout.block_count();
-    tasks_ = std::clamp<std::size_t>(boxes.size() / kInstancesPerTask, 1, kMaxTasks);
-    std::vector<std::vector<std::uint32_t>> next(tasks_, std::vector<std::uint32_t>(blocks, 0));
+    std::vector<std::vector<std::uint32_t>> next(tasks_);
     std::vector<float> drifts(tasks_, 0.F);
     std::vector<std::size_t> filed(tasks_, 0);
     tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) {
-      for_each_range(task, [&](std::uint32_t id, const CellRange& range) {
-        drifts[task] = std::max(drifts[task], boxes[id].drift);
-        ++filed[task];
-        for_each_block(range, [&](std::size_t block) { ++next[task][block]; });
-      });
+      next[task].resize(blocks, 0);
+      std::tie(filed[task], drifts[task]) = count(task, next[task]);
     });
     max_drift_ = *std::max_element(drifts.begin(), drifts.end());
     filed_ = std::accumulate(filed.begin(), filed.end(), std::size_t(0));
@@ -44,27 +52,36 @@ class BlockLists {
     starts_[blocks] = total;
     ids_.resize(total);
     tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) {
-      for_each_range(task, [&](std::uint32_t id, const CellRange& range) {
-        for_each_block(range, [&](std::size_t block) { ids_[next[task][block]++] = id; });
-      });
+      for (std::size_t i = begin(task); i < begin(task + 1); ++i)
+        for_each_block(ranges_[i], [&](std::size_t block) { ids_[next[task][block]++] = std::uint32_t(i); });
     });
   }
 
   [[nodiscard]] std::span<const std::uint32_t> operator[](std::size_t block) const {
     return {ids_.data() + starts_[block], ids_.data() + starts_[block + 1]};
   }
+  [[nodiscard]] std::span<const CellRange> ranges() const { return ranges_; }  ///< by id
   [[nodiscard]] float max_drift() const { return max_drift_; }
   [[nodiscard]] std::size_t filed() const { return filed_; }  ///< instances in any block
 
  private:
-  template <class Visit>
-  void for_each_range(std::size_t task, const Visit& visit) const {
-    const std::size_t end = boxes_.size() * (task + 1) / tasks_;
-    for (std::size_t i = boxes_.size() * task / tasks_; i < end; ++i) {
-      const CellRange range = layout_.range_of(boxes_[i]);
-      if (!range.empty()) visit(std::uint32_t(i), range);
+  [[nodiscard]] std::size_t begin(std::size_t task) const { return boxes_.size() * task / tasks_; }
+
+  /// Finds the ranges of a task's instances and counts them by block; returns how many are filed, and the
+  /// largest drift of these.
+  std::pair<std::size_t, float> count(std::size_t task, std::vector<std::uint32_t>& counts) {
+    std::size_t filed = 0;
+    float max_drift = 0.F;
+    for (std::size_t i = begin(task); i < begin(task + 1); ++i) {
+      ranges_[i] = layout_.range_of(boxes_[i]);
+      if (ranges_[i].empty()) continue;
+      max_drift = std::max(max_drift, boxes_[i].drift);
+      ++filed;
+      for_each_block(ranges_[i], [&](std::size_t block) { ++counts[block]; });
     }
+    return {filed, max_drift};
   }
+
   template <class Visit>
   void for_each_block(const CellRange& range, const Visit& visit) const {
     layout_.blocks_of(range).for_each([&](const Cell& block) {
@@ -74,11 +91,24 @@ class BlockLists {
 
   const GridLayout& layout_;
   const BoxTable& boxes_;
-  std::size_t tasks_ = 1;
+  std::size_t tasks_;
+  std::vector<CellRange> ranges_;
   std::vector<std::uint32_t> starts_, ids_;
   float max_drift_ = 0.F;
   std::size_t filed_ = 0;
 };
+
+constexpr std::size_t kBlocksPerTask = 4;
+
+/// Calls make(builder, k) for 0 .. count - 1 in parallel, with copies of `builder`.
+template <class Make>
+void make_in_parallel(std::size_t count, const BlockBuilder& builder, const Make& make) {
+  using Range = tbb::blocked_range<std::size_t>;
+  tbb::parallel_for(Range(0, count, kBlocksPerTask), [&](const Range& range) {
+    BlockBuilder own(builder);
+    for (std::size_t k = range.begin(); k < range.end(); ++k) make(own, k);
+  });
+}
 
 }  // namespace
 
@@ -89,13 +119,10 @@ UniformGrid::UniformGrid(const GridLayout& layout, const BoxTable& boxes) : layo
   const BlockLists lists(layout_, boxes);
   max_drift_ = lists.max_drift();
   filed_at_build_ = lists.filed();
-  // Chunks of the block table are written by one task each.
-  constexpr std::size_t kBlocksPerTask = decltype(blocks_)::kChunkSize;
-  tbb::parallel_for(std::size_t(0), (blocks + kBlocksPerTask - 1) / kBlocksPerTask, [&](std::size_t task) {
-    BlockBuilder builder(layout_, boxes);
-    for (std::size_t b = task * kBlocksPerTask; b < std::min(blocks, (task + 1) * kBlocksPerTask); ++b)
-      if (!lists[b].empty()) blocks_.write(b) = builder.make(std::uint32_t(b), lists[b]);
-  });
+  make_in_parallel(blocks, BlockBuilder(layout_, boxes, lists.ranges()),
+                   [&](BlockBuilder& builder, std::size_t b) {
+                     if (!lists[b].empty()) blocks_.write(b) = builder.make(std::uint32_t(b), lists[b]);
+                   });
   for (std::size_t b = 0; b < blocks; ++b) count_in(blocks_[b].get());
 }
 
@@ -104,6 +131,7 @@ void UniformGrid::count_in(const GridBlock* block) {
   reference_count_ += block->reference_count();
   block_bytes_ += block->memory_bytes();
   tree_count_ += block->tree_count();
+  occupied_cells_ += std::size_t(std::popcount(block->occupancy()));
 }
 
 void UniformGrid::count_out(const GridBlock* block) {
@@ -111,49 +139,74 @@ void UniformGrid::count_out(const GridBlock* block) {
   reference_count_ -= block->reference_count();
   block_bytes_ -= block->memory_bytes();
   tree_count_ -= block->tree_count();
+  occupied_cells_ -= std::size_t(std::popcount(block->occupancy()));
 }
 
-void UniformGrid::apply(std::span<const RangeChange> changes, const BoxTable& boxes) {
-  struct Edit {
-    std::uint32_t block, instance_id;
-    bool listed;  // afterwards
-  };
-  std::vector<Edit> edits;
+namespace {
+
+/// A change of what a block lists.
+struct ListEdit {
+  std::uint32_t block, instance_id;
+  bool listed;  ///< afterwards
+};
+
+std::vector<ListEdit> list_edits(const GridLayout& layout, std::span<const RangeChange> changes) {
+  std::vector<ListEdit> edits;
   for (const RangeChange& change : changes) {
-    const CellRange before = layout_.blocks_of(change.before), after = layout_.blocks_of(change.after);
+    const CellRange before = layout.blocks_of(change.before), after = layout.blocks_of(change.after);
     const auto add_edits = [&](const CellRange& range, bool listed) {
       range.for_each([&](const Cell& block) {
         if (!listed && after.contains(block)) return;
-        const std::uint32_t index = (block[2] * layout_.blocks[1] + block[1]) * layout_.blocks[0] + block[0];
+        const std::uint32_t index = (block[2] * layout.blocks[1] + block[1]) * layout.blocks[0] + block[0];
         edits.push_back({index, change.instance_id, listed});
       });
     };
     add_edits(before, false);
     add_edits(after, true);
-    if (!after.empty()) max_drift_ = std::max(max_drift_, boxes[change.instance_id].drift);
   }
-  std::sort(edits.begin(), edits.end(), [](const Edit& a, const Edit& b) {
+  std::sort(edits.begin(), edits.end(), [](const ListEdit& a, const ListEdit& b) {
     return std::tie(a.block, a.instance_id) < std::tie(b.block, b.instance_id);
   });
+  return edits;
+}
 
-  BlockBuilder builder(layout_, boxes);
+/// What a block lists after the edits; both are ascending, and an edit takes the place of the id it names.
+std::vector<std::uint32_t> merged(std::span<const std::uint32_t> ids, std::span<const ListEdit> edits) {
   std::vector<std::uint32_t> listed;
-  for (auto edit = edits.begin(); edit != edits.end();) {
-    const std::uint32_t index = edit->block;
+  listed.reserve(ids.size() + edits.size());
+  auto id = ids.begin();
+  for (const ListEdit& edit : edits) {
+    while (id != ids.end() && *id < edit.instance_id) listed.push_back(*id++);
+    if (id != ids.end() && *id == edit.instance_id) ++id;
+    if (edit.listed) listed.push_back(edit.instance_id);
+  }
+  listed.insert(listed.end(), id, ids.end());
+  return listed;
+}
+
+}  // namespace
+
+void UniformGrid::apply(std::span<const RangeChange> changes, const BoxTable& boxes) {
+  for (const RangeChange& change : changes)
+    if (!change.after.empty()) max_drift_ = std::max(max_drift_, boxes[change.instance_id].drift);
+  const std::vector<ListEdit> edits = list_edits(layout_, changes);
+  std::vector<std::size_t> begins;  // of each block's edits
+  for (std::size_t i = 0; i < edits.size(); ++i)
+    if (i == 0 || edits[i].block != edits[i - 1].block) begins.push_back(i);
+  begins.push_back(edits.size());
+
+  std::vector<std::shared_ptr<const GridBlock>> made(begins.size() - 1);
+  make_in_parallel(made.size(), BlockBuilder(layout_, boxes), [&](BlockBuilder& builder, std::size_t k) {
+    const std::uint32_t index = edits[begins[k]].block;
     const GridBlock* old = block(index);
-    const auto old_ids = old != nullptr ? old->listed() : std::span<const std::uint32_t>{};
-    // Merge the two ascending sequences; an edit takes the place of the id it names.
-    listed.clear();
-    auto id = old_ids.begin();
-    for (; edit != edits.end() && edit->block == index; ++edit) {
-      while (id != old_ids.end() && *id < edit->instance_id) listed.push_back(*id++);
-      if (id != old_ids.end() && *id == edit->instance_id) ++id;
-      if (edit->listed) listed.push_back(edit->instance_id);
-    }
-    listed.insert(listed.end(), id, old_ids.end());
-    count_out(old);
-    blocks_.write(index) = builder.make(index, listed);
-    count_in(block(index));
+    made[k] = builder.make(index, merged(old != nullptr ? old->listed() : std::span<const std::uint32_t>{},
+                                         {edits.data() + begins[k], edits.data() + begins[k + 1]}));
+  });
+  for (std::size_t k = 0; k < made.size(); ++k) {
+    const std::uint32_t index = edits[begins[k]].block;
+    count_out(block(index));
+    count_in(made[k].get());
+    blocks_.write(index) = std::move(made[k]);
   }
 }
 

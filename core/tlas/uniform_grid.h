@@ -43,13 +43,14 @@ class UniformGrid {
   [[nodiscard]] const GridBlock* block(std::uint32_t index) const { return blocks_[index].get(); }
 
   struct Stats {
-    std::size_t occupied_cells = 0;
     std::size_t max_references_in_cell = 0;
+    double cells_cost = 0.0;  ///< what the cells cost a ray that meets all, by the cost model
   };
   [[nodiscard]] Stats stats() const;
   /// Instances filed by the constructor.
   [[nodiscard]] std::size_t filed_at_build() const { return filed_at_build_; }
   [[nodiscard]] std::uint64_t reference_count() const { return reference_count_; }
+  [[nodiscard]] std::size_t occupied_cells() const { return occupied_cells_; }
   [[nodiscard]] std::size_t tree_count() const { return tree_count_; }  ///< cells with a tree
   [[nodiscard]] std::size_t memory_bytes() const { return blocks_.memory_bytes() + block_bytes_; }
   /// Every instance is in exactly the cells of its range, in a box that holds its own, and known to the
@@ -67,6 +68,7 @@ class UniformGrid {
   std::uint64_t reference_count_ = 0;
   std::size_t block_bytes_ = 0;
   std::size_t tree_count_ = 0;
+  std::size_t occupied_cells_ = 0;
   std::size_t filed_at_build_ = 0;
   float max_drift_ = 0.F;  ///< of any box filed since the build
 };

@@ -1,6 +1,8 @@
 #include "core/tlas/top_level.h"
 
+#include <functional>
 #include <map>
+#include <set>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -22,6 +24,21 @@ Boxes cloud(std::size_t count, test::Random& random) {
   for (std::size_t i = 0; i < count; ++i)
     boxes.push_back(cube(random.in_box(10.0), std::exp2(random.uniform(-5.0, 0.0))));
   return boxes;
+}
+
+BoxTable table_of(const Boxes& boxes) {
+  BoxTable table;
+  for (const InstanceBox& box : boxes) table.push_back(box);
+  return table;
+}
+
+/// `level` over these boxes, of which only those of `changed` differ from what it has.
+TopLevel updated(TopLevel level, const Boxes& boxes, const std::vector<std::uint32_t>& changed) {
+  BoxTable table = level.boxes();
+  table.grow(boxes.size());
+  for (const std::uint32_t id : changed) table.write(id) = boxes[id];
+  level.update(std::move(table), changed);
+  return level;
 }
 
 /// Awkward arrangements, by name.
@@ -162,18 +179,16 @@ TEST(TopLevelUpdate, random_inserts_moves_and_erasures_keep_it_sound_and_leave_o
   for (int round = 0; round < 60; ++round) {
     const TopLevel old = level;
     const Boxes old_boxes = boxes;
-    std::map<std::uint32_t, InstanceBox> changes;
+    std::set<std::uint32_t> changes;
     for (std::uint32_t k = 0; k < 1 + random.below(20); ++k) {
       const auto id = random.below(std::uint32_t(boxes.size()) + 2);
       const double spread = random.below(10) == 0 ? 40.0 : 10.0;  // now and then out of the grid
-      changes[id] =
-          random.below(5) == 0 ? InstanceBox{} : cube(random.in_box(spread), random.uniform(0.0, 1.0));
       if (id >= boxes.size()) boxes.resize(id + 1);
-      boxes[id] = changes[id];
+      boxes[id] =
+          random.below(5) == 0 ? InstanceBox{} : cube(random.in_box(spread), random.uniform(0.0, 1.0));
+      changes.insert(id);
     }
-    std::vector<BoxChange> list;
-    for (const auto& [id, box] : changes) list.push_back({id, box});
-    level = old.updated(list);
+    level = updated(old, boxes, {changes.begin(), changes.end()});
     ASSERT_EQ(level.slots(), boxes.size());
     for (std::uint32_t id = 0; id < boxes.size(); ++id) ASSERT_EQ(level.box(id), boxes[id]);
     for (const TopLevel* each : {&std::as_const(level), &old}) {
@@ -188,17 +203,65 @@ TEST(TopLevelUpdate, random_inserts_moves_and_erasures_keep_it_sound_and_leave_o
 TEST(TopLevelUpdate, an_instance_that_flies_away_does_not_slow_the_grid_and_is_still_visited) {
   test::Random random(test::seed_or(25));
   Boxes boxes = cloud(2000, random);
-  const BoxChange away{7, cube(Vec3d(1e8), 1.0)};
-  const TopLevel level = TopLevel::build(boxes).updated(std::span(&away, 1));
+  const TopLevel built = TopLevel::build(boxes);
+  boxes[7] = cube(Vec3d(1e8), 1.0);
+  const TopLevel level = updated(built, boxes, {7});
   EXPECT_GT(level.stats().cell_count, 100U);
   EXPECT_EQ(level.stats().always_tested, 1U);
   EXPECT_TRUE(visits(level, {Vec3d(0.0), Vec3d(1.0)}).contains(7));
 }
 
+/// After many small updates a ray costs at most twice what it does in a top level built anew, by the cost
+/// model and what the cells really hold.
+void expect_follows(const TopLevel& level, const Boxes& boxes) {
+  const Status valid = level.validate();
+  ASSERT_TRUE(valid.ok()) << valid.error().message << valid.error().where;
+  const TopLevelStats fresh = TopLevel::build(boxes).stats(), drifted = level.stats();
+  EXPECT_LE(drifted.ray_cost, 2.0 * fresh.ray_cost);
+  EXPECT_LE(drifted.always_tested, fresh.always_tested + 17U);
+}
+
+TEST(TopLevelUpdate, the_resolution_follows_where_a_thousand_small_updates_carry_the_instances) {
+  test::Random random(test::seed_or(27));
+  constexpr std::uint32_t kCount = 4000, kMoved = 8, kUpdates = 1000;
+  const auto into_a_corner = [](const Vec3d& at) { return Vec3d(-9.9) + 0.01 * at; };
+  const auto apart = [](const Vec3d& at) { return 100.0 * at; };
+  const auto in_place = [](const Vec3d& at) { return at + Vec3d(0.01); };
+  const std::pair<const char*, std::function<Vec3d(const Vec3d&)>> drifts[] = {
+      {"into a corner", into_a_corner}, {"apart", apart}, {"in place", in_place}};
+  for (const auto& [name, drift] : drifts) {
+    SCOPED_TRACE(name);
+    Boxes boxes;
+    for (std::uint32_t i = 0; i < kCount; ++i) boxes.push_back(cube(random.in_box(10.0), 0.02));
+    TopLevel level = TopLevel::build(boxes);
+    for (std::uint32_t k = 0; k < kUpdates; ++k) {
+      std::vector<std::uint32_t> moved;
+      for (std::uint32_t j = 0; j < kMoved; ++j) moved.push_back((k * kMoved + j) % kCount);
+      for (const std::uint32_t id : moved) boxes[id] = cube(drift(boxes[id].bounds.center()), 0.02);
+      level = updated(std::move(level), boxes, moved);
+      if (k % 125 == 124) {
+        ASSERT_NO_FATAL_FAILURE(expect_follows(level, boxes)) << k;
+      }
+    }
+  }
+}
+
+TEST(TopLevelUpdate, the_resolution_follows_when_the_few_that_stood_far_off_come_in) {
+  test::Random random(test::seed_or(28));
+  Boxes boxes;
+  for (std::uint32_t i = 0; i < 4000; ++i)
+    boxes.push_back(cube(random.in_box(i % 100 == 0 ? 1000.0 : 1.0), 0.01));
+  TopLevel level = TopLevel::build(boxes);
+  for (std::uint32_t id = 0; id < 4000; id += 100) {
+    boxes[id] = cube(random.in_box(1.0), 0.01);
+    level = updated(std::move(level), boxes, {id});
+  }
+  expect_follows(level, boxes);
+}
+
 TEST(TopLevelValidate, a_grid_that_forgets_an_edit_is_caught) {
   test::Random random(test::seed_or(26));
-  BoxTable boxes;
-  for (const InstanceBox& box : cloud(200, random)) boxes.push_back(box);
+  const BoxTable boxes = table_of(cloud(200, random));
   const GridChoice choice = choose_grid(sum_boxes(boxes), 1000);
   ASSERT_TRUE(choice.layout.has_value());
   UniformGrid grid(*choice.layout, boxes);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -233,6 +234,33 @@ TEST(UniformGrid, an_updated_grid_visits_what_one_built_anew_visits) {
   for (int i = 0; i < 200; ++i) {
     const Ray ray = ray_to_corner(fresh.layout().bounds, random.uniform(0.0, 9.0), random);
     EXPECT_EQ(walk_visits(updated, ray), walk_visits(fresh, ray));
+  }
+}
+
+TEST(UniformGrid, an_update_makes_the_blocks_of_what_moved_and_no_others) {
+  test::Random random(test::seed_or(46));
+  const BoxTable boxes = crowd(3000, random);
+  const GridLayout layout = layout_of(boxes);
+  const UniformGrid before(layout, boxes);
+  for (const std::uint32_t count : {1U, 10U, 40U}) {
+    BoxTable moved = boxes;
+    std::vector<RangeChange> changes;
+    std::set<std::uint32_t> touched;
+    for (std::uint32_t k = 0; k < count; ++k) {
+      const std::uint32_t id = k * 70;
+      moved.write(id).bounds = {boxes[id].bounds.lower + Vec3d(0.01), boxes[id].bounds.upper + Vec3d(0.01)};
+      changes.push_back({id, layout.range_of(boxes[id]), layout.range_of(moved[id])});
+      for (const CellRange& range : {changes.back().before, changes.back().after})
+        range.for_each([&](const Cell& c) { touched.insert(layout.block_of(c[0], c[1], c[2])); });
+    }
+    UniformGrid after = before;
+    after.apply(changes, moved);
+    std::set<std::uint32_t> made;
+    for (std::uint32_t b = 0; b < layout.block_count(); ++b)
+      if (after.block(b) != before.block(b)) made.insert(b);
+    EXPECT_EQ(made, touched);
+    ASSERT_TRUE(after.validate(moved).ok());
+    ASSERT_TRUE(before.validate(boxes).ok());
   }
 }
 

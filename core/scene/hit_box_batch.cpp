@@ -1,0 +1,141 @@
+// Compiled once per instruction set and chosen at run time by Highway. hit_box.cpp says why the boxes are
+// right; here are the same operations in the same order, none of them fused.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE \
+  "core/scene/hit_box_batch.cpp"  // NOLINT: Highway includes this file once per target
+
+#include "core/scene/hit_box_batch.h"
+
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace gridcast::scene::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr std::size_t kSize = TransformBatch::kSize;
+using D = hn::CappedTag<double, kSize>;
+using V = hn::Vec<D>;
+using Lanes = TransformBatch::Lanes;
+
+/// How far the meshes reach along a row of their matrices.
+struct Reaches {
+  V backward, forward;
+};
+
+/// One number of each lane's hull, looked up.
+template <class Number>
+HWY_INLINE V look_up(const Number& number_of_lane) {
+  const D d;
+  alignas(64) double values[kSize];
+  for (std::size_t k = 0; k < hn::Lanes(d); ++k) values[k] = double(number_of_lane(k));
+  return hn::Load(d, values);
+}
+
+/// MeshHull::reach. The numbers of directions are small integers, here in doubles.
+HWY_INLINE Reaches reach(const V (&n)[3], const MeshHull* const* hulls) {
+  const D d;
+  V size[3], step[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    const V number = hn::Set(d, axis == 0 ? 1.0 : (axis == 1 ? 3.0 : 9.0));
+    size[axis] = hn::Abs(n[axis]);
+    step[axis] = hn::IfThenElse(hn::Lt(n[axis], hn::Zero(d)), hn::Neg(number), number);
+  }
+  const auto order = [&](int a, int b) HWY_ATTR {
+    const auto swap = hn::Lt(size[a], size[b]);
+    const V larger = hn::IfThenElse(swap, size[b], size[a]), smaller = hn::IfThenElse(swap, size[a], size[b]);
+    const V first = hn::IfThenElse(swap, step[b], step[a]), second = hn::IfThenElse(swap, step[a], step[b]);
+    size[a] = larger;
+    size[b] = smaller;
+    step[a] = first;
+    step[b] = second;
+  };
+  order(0, 1);
+  order(1, 2);
+  order(0, 1);
+  const V factors[3] = {size[0] - size[1], size[1] - size[2], size[2]};
+  V number = step[0];
+  V backward = hn::Zero(d), forward = hn::Zero(d);
+  for (int k = 0; k < 3; ++k) {
+    if (k > 0) number = number + step[k];
+    alignas(64) double numbers[kSize];
+    hn::Store(number, d, numbers);
+    const V back = factors[k] * look_up([&](std::size_t lane)
+                                            HWY_ATTR { return hulls[lane]->along(-int(numbers[lane])); });
+    const V forth = factors[k] * look_up([&](std::size_t lane)
+                                             HWY_ATTR { return hulls[lane]->along(int(numbers[lane])); });
+    backward = k == 0 ? back : backward + back;
+    forward = k == 0 ? forth : forward + forth;
+  }
+  return {backward, forward};
+}
+
+HWY_INLINE V largest_of(V a, V b, V c) {
+  return hn::Max(hn::Max(a, b), c);
+}
+
+HWY_INLINE V round_to_float(V x) {
+  const D d;
+  const hn::Rebind<float, D> f;
+  return hn::PromoteTo(d, hn::DemoteTo(f, x));
+}
+
+HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const HullLanes& hulls, std::size_t lane,
+                               BoxLanes& boxes) {
+  const D d;
+  const auto load = [&](const Lanes& from) HWY_ATTR { return hn::Load(d, from.data() + lane); };
+  const V size = look_up([&](std::size_t k) HWY_ATTR { return hulls[lane + k]->magnitude(); });
+  const V growth = hn::Set(d, 0x1p-17) * size + hn::Set(d, 0x1p-98);
+  V lower[3], upper[3], translation[3], lengths[3], inverse_rows[3], reaches[3];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const V n[3] = {load(transforms.linear()[0][axis]), load(transforms.linear()[1][axis]),
+                    load(transforms.linear()[2][axis])};
+    const V length = hn::Abs(n[0]) + hn::Abs(n[1]) + hn::Abs(n[2]);
+    const V t = load(transforms.translation()[axis]);
+    const V room = length * growth + hn::Set(d, 0x1p-50) * (length * size + hn::Abs(t));
+    const Reaches reached = reach(n, hulls.data() + lane);
+    lower[axis] = t - (reached.backward + room);
+    upper[axis] = t + (reached.forward + room);
+    reaches[axis] = hn::Max(hn::Abs(lower[axis] - t), hn::Abs(upper[axis] - t));
+    inverse_rows[axis] = hn::Abs(load(transforms.inverse()[0][axis])) +
+                         hn::Abs(load(transforms.inverse()[1][axis])) +
+                         hn::Abs(load(transforms.inverse()[2][axis]));
+    translation[axis] = t;
+    lengths[axis] = length;
+  }
+  const V stretch = largest_of(lengths[0], lengths[1], lengths[2]) *
+                    largest_of(inverse_rows[0], inverse_rows[1], inverse_rows[2]);
+  const V exact_drift = hn::Set(d, 0x1p-40) * stretch + hn::Set(d, 4.0) * load(transforms.round_trip_error());
+  const V drift = round_to_float(exact_drift * hn::Set(d, 1.0 + 0x1p-22));
+  const V outward = drift * largest_of(reaches[0], reaches[1], reaches[2]) * hn::Set(d, 1.0 + 0x1p-40);
+  V magnitude = hn::Zero(d);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    magnitude = hn::Max(magnitude, hn::Max(hn::Abs(lower[axis]), hn::Abs(upper[axis])));
+  const V room = outward + hn::Set(d, 0x1p-52) * (magnitude + outward);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    hn::Store(lower[axis] - room, d, boxes.lower[axis].data() + lane);
+    hn::Store(upper[axis] + room, d, boxes.upper[axis].data() + lane);
+  }
+  hn::Store(drift, d, boxes.drift.data() + lane);
+}
+
+void boxes_of(const TransformBatch& transforms, const HullLanes& hulls, BoxLanes& boxes) {
+  for (std::size_t lane = 0; lane < kSize; lane += hn::Lanes(D()))
+    boxes_of_lanes(transforms, hulls, lane, boxes);
+}
+
+}  // namespace gridcast::scene::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace gridcast::scene {
+
+HWY_EXPORT(boxes_of);
+
+void hit_boxes(const TransformBatch& transforms, const HullLanes& hulls, BoxLanes& boxes) {
+  HWY_DYNAMIC_DISPATCH(boxes_of)(transforms, hulls, boxes);
+}
+
+}  // namespace gridcast::scene
+#endif
