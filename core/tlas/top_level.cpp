@@ -14,10 +14,8 @@ namespace {
 /// Boxes that may leave the grid between builds, each tested for every ray: this many, and this share of all.
 constexpr std::size_t kFreeOutside = 16;
 constexpr std::size_t kOutsideShare = 16384;
-/// Changes, as a share of the instances, after which it is worth looking whether they have left the cells
-/// that the resolution was chosen for; and a number of cells that is not worth a build.
-constexpr std::size_t kDriftShare = 256;
-constexpr std::size_t kFewCells = 16;
+/// Share of the instances that change between two looks at how much of the grid they fill.
+constexpr std::size_t kLookShare = 128;
 
 }  // namespace
 
@@ -89,7 +87,6 @@ void TopLevel::build_grid() {
     if (!grid_ || grid_->layout().range_of(boxes_[id]).empty()) always_.push_back(id);
   }
   outside_at_build_ = always_.size();
-  occupied_at_build_ = grid_ ? grid_->occupied_cells() : 0;
 }
 
 void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const {
@@ -111,11 +108,17 @@ void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& v
 bool TopLevel::worth_rebuilding(std::size_t changes) const {
   if (2 * (changes_since_build_ + changes) >= reachable_ + changes) return true;
   if (!grid_) return false;
-  if (kDriftShare * changes_since_build_ >= reachable_ &&
-      2 * grid_->occupied_cells() + kFewCells < occupied_at_build_)
-    return true;
   return always_.size() > outside_at_build_ + kFreeOutside + reachable_ / kOutsideShare ||
          grid_->memory_bytes() > 2 * max_bytes(reachable_);
+}
+
+bool TopLevel::shrunk() {
+  changes_at_look_ = changes_since_build_;
+  bounds_ = sum_boxes(boxes_).bounds;
+  const GridLayout& layout = grid_->layout();
+  for (int axis = 0; axis < 3; ++axis)
+    if (layout.cells[axis] > 1 && 2.0 * bounds_.extent()[axis] < layout.bounds.extent()[axis]) return true;
+  return false;
 }
 
 void TopLevel::replace(std::uint32_t id, const InstanceBox& old, std::vector<RangeChange>& range_changes) {
@@ -144,7 +147,8 @@ void TopLevel::update(BoxTable boxes, std::span<const std::uint32_t> changed) {
       replace(id, id < before.size() ? before[id] : InstanceBox{}, range_changes);
     if (grid_) grid_->apply(range_changes, boxes_);
     changes_since_build_ += changed.size();
-    if (!worth_rebuilding(0)) return;
+    const bool look = grid_ && kLookShare * (changes_since_build_ - changes_at_look_) >= reachable_;
+    if (!worth_rebuilding(0) && !(look && shrunk())) return;
   }
   *this = build(std::move(boxes_), choice_);
 }

@@ -59,9 +59,10 @@ class TopLevel {
                                       TopLevelChoice choice = TopLevelChoice::kAuto);
   /// Takes the boxes as they are now, of which only those of `changed` (ascending) differ or are new. Costs
   /// O(changes) and the blocks they touch. Built anew, in linear time, when half of the instances have
-  /// changed since the last build, when a 256th has and half of the occupied cells are empty now, or when the
-  /// grid's memory bound or the number of boxes outside the grid is passed. So the resolution follows where
-  /// the instances are, and building is paid for by the changes.
+  /// changed since the last build, when the grid's memory bound or the number of boxes outside the grid is
+  /// passed, or when the boxes fill less than half of the grid along an axis: that is looked at, in linear
+  /// time too, when a 128th of the instances has changed. So the resolution follows where the instances are,
+  /// and the changes pay for it.
   void update(BoxTable boxes, std::span<const std::uint32_t> changed);
 
   /// Calls `visit(instance_id)` once for every instance that can hold a hit in [ray.tnear, far], roughly
@@ -106,6 +107,8 @@ class TopLevel {
 
  private:
   [[nodiscard]] bool worth_rebuilding(std::size_t changes) const;
+  /// Brings bounds_ up to date; whether the boxes fill less than half of the grid along an axis.
+  [[nodiscard]] bool shrunk();
   void replace(std::uint32_t id, const InstanceBox& old, std::vector<RangeChange>& range_changes);
 
   void traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const;
@@ -120,7 +123,7 @@ class TopLevel {
   std::size_t reachable_ = 0;            ///< instances with a box
   std::size_t changes_since_build_ = 0;  ///< boxes replaced or added
   std::size_t outside_at_build_ = 0;     ///< size of always_ then
-  std::size_t occupied_at_build_ = 0;    ///< cells
+  std::size_t changes_at_look_ = 0;      ///< changes_since_build_ when shrunk() was last asked
   std::string reason_;
   double build_ms_ = 0.0;
 };

@@ -87,10 +87,10 @@ double cost_of_cell(std::size_t count) {
 /// What a random line that meets the box `scene` costs in a grid around it, when nothing stops it:
 /// `cells_cost` is the sum over the cells, each of which it meets by the share of its surface.
 double cost_of_ray(const GridLayout& layout, const Bounds3d& scene, double cells_cost) {
-  const Vec3d extent = glm::max(scene.extent(), layout.cell);
+  const Vec3d cells = glm::max(scene.extent() / layout.cell, Vec3d(1.0));
+  const Vec3d part = glm::min(scene.extent(), layout.cell);  // of a cell that is inside
   const double share =
-      Bounds3d{Vec3d(0.0), layout.cell}.half_area() / Bounds3d{Vec3d(0.0), extent}.half_area();
-  const Vec3d cells = extent / layout.cell;
+      Bounds3d{Vec3d(0.0), part}.half_area() / Bounds3d{Vec3d(0.0), scene.extent()}.half_area();
   return kWalkCost + share * (kStepCost * cells.x * cells.y * cells.z + cells_cost);
 }
 
