@@ -16,6 +16,7 @@
 #include "server/metrics.h"
 #include "server/router.h"
 #include "server/scene_store.h"
+#include "server/tree_builder.h"
 #include "server/work_gate.h"
 
 namespace gridcast::server {
@@ -23,6 +24,7 @@ namespace gridcast::server {
 struct Api {
   proto::Limits limits;
   std::unique_ptr<store::SceneArchive> archive;  ///< null: scenes live in memory alone
+  TreeBuilder trees;
   SceneStore store;
   Metrics metrics;
   WorkGate gate{1};  ///< queries, builds, jobs

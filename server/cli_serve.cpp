@@ -203,6 +203,7 @@ class ServeCommand final : public Command {
     const std::stop_callback on_signal(stop, [&http, &api] {
       http.stop();
       api.jobs.shut_down();
+      api.trees.shut_down();
     });
     http.serve();
     loader.join();

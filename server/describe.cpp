@@ -5,6 +5,7 @@
 #include "core/mesh/topology.h"
 #include "core/scene/animation.h"
 #include "core/scene/pose.h"
+#include "core/scene/tree_watch.h"
 
 namespace gridcast::server {
 namespace {
@@ -74,10 +75,11 @@ proto::SceneInfo scene_info(const std::string& id, const SceneOrigin& origin, co
 }
 
 proto::MeshStructureInfo mesh_structure_info(const scene::Scene& scene, std::uint32_t mesh_id) {
-  const blas::StructureStats& stats = scene.blas(mesh_id).stats();
+  const blas::Blas& tree = scene.blas(mesh_id);
+  const blas::StructureStats& stats = tree.stats();
   return {mesh_id,
           std::string(to_string(stats.kind)),
-          stats.reason,
+          scene::reason_of(tree, scene.blas_options().quality),
           stats.triangle_count,
           stats.node_count,
           stats.leaf_count,

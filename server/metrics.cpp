@@ -48,6 +48,13 @@ struct Metrics::Families {
       counter(registry, "gridcast_mesh_updates_total", "Meshes whose vertices changed, by action");
   prometheus::Counter& refits = updates.Add({{"action", "refit"}});
   prometheus::Counter& rebuilds = updates.Add({{"action", "rebuild"}});
+  prometheus::Gauge& trees_waiting = gauge(registry, "gridcast_tree_builds_waiting",
+                                           "Trees to be built in the background, the one at work included")
+                                         .Add({});
+  prometheus::Family<prometheus::Counter>& tree_builds = counter(
+      registry, "gridcast_tree_builds_total", "Trees built in the background, by what became of them");
+  prometheus::Counter& tree_seconds =
+      counter(registry, "gridcast_tree_build_seconds_total", "Time spent building them").Add({});
   prometheus::Gauge& in_flight =
       gauge(registry, "gridcast_requests_in_flight", "Requests being worked on, this one included").Add({});
   prometheus::Gauge& scenes = gauge(registry, "gridcast_scenes", "Scenes held").Add({});
@@ -120,6 +127,18 @@ void Metrics::set_jobs(const JobCounts& jobs) {
   families_->job_results.Set(double(jobs.result_bytes));
 }
 
+void Metrics::set_trees(const TreeBuildCounts& trees) {
+  families_->trees_waiting.Set(double(trees.waiting));
+  const auto builds = [this](const char* outcome, std::uint64_t total) {
+    bring_up(families_->tree_builds.Add({{"outcome", outcome}}), total);
+  };
+  builds("replaced", trees.replaced);
+  builds("dropped", trees.dropped);
+  builds("cancelled", trees.cancelled);
+  builds("failed", trees.failed);
+  families_->tree_seconds.Increment(trees.ms / 1000.0 - families_->tree_seconds.Value());
+}
+
 void Metrics::set_archive(const store::ArchiveCounts& counts) {
   bring_up(families_->store_commits, counts.commits);
   bring_up(families_->store_failures, counts.failures);
@@ -127,9 +146,10 @@ void Metrics::set_archive(const store::ArchiveCounts& counts) {
   bring_up(families_->store_bytes, counts.bytes_written);
 }
 
-std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, const store::ArchiveCounts& archive,
-                          std::size_t requests_in_flight) {
+std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, const TreeBuildCounts& trees,
+                          const store::ArchiveCounts& archive, std::size_t requests_in_flight) {
   set_jobs(jobs);
+  set_trees(trees);
   set_archive(archive);
   families_->damaged.Set(double(store.damaged().size()));
   const auto scenes = store.list();

@@ -8,6 +8,7 @@
 #include "server/http_server.h"
 #include "server/jobs.h"
 #include "server/scene_store.h"
+#include "server/tree_builder.h"
 
 namespace gridcast::server {
 
@@ -26,11 +27,12 @@ class Metrics {
   void count_update(const scene::UpdateReport& report);
 
   /// Gauges are read from the store and the jobs now.
-  [[nodiscard]] std::string text(const SceneStore& store, const JobCounts& jobs,
+  [[nodiscard]] std::string text(const SceneStore& store, const JobCounts& jobs, const TreeBuildCounts& trees,
                                  const store::ArchiveCounts& archive, std::size_t requests_in_flight);
 
  private:
   void set_jobs(const JobCounts& jobs);
+  void set_trees(const TreeBuildCounts& trees);
   void set_archive(const store::ArchiveCounts& counts);
 
   struct Families;

@@ -36,7 +36,7 @@ void add_meta_routes(Router& router, Api& api) {
                 return HttpResponse{
                     200,
                     "text/plain; version=0.0.4; charset=utf-8",
-                    api.metrics.text(api.store, api.jobs.counts(),
+                    api.metrics.text(api.store, api.jobs.counts(), api.trees.counts(),
                                      api.archive ? api.archive->counts() : store::ArchiveCounts{},
                                      api.requests_in_flight()),
                     {}};

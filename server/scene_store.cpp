@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/etag.h"
+#include "server/tree_builder.h"
 
 namespace gridcast::server {
 
@@ -40,17 +41,37 @@ std::variant<scene::UpdateResult, Problem, Error> NamedScene::update(
   if (erased_) return no_scene();
   const std::shared_ptr<const scene::Scene> before = snapshot();
   if (auto problem = check_if_match(if_match, before->version())) return std::move(*problem);
-  Result<scene::UpdateResult> updated = apply_update(*before, edits);
+  const auto place = trees_ != nullptr ? scene::RebuildPlace::kInBackground : scene::RebuildPlace::kInUpdate;
+  Result<scene::UpdateResult> updated = apply_update(*before, edits, {place});
   if (!updated) return updated.error();
   if (stored_.archive != nullptr) {
     const Status stored = stored_.archive->append(stored_.key, *before, updated->scene);
     if (!stored) return not_stored(stored.error());
   }
+  publish(updated->scene);
+  if (trees_ != nullptr)
+    for (const std::uint32_t mesh_id : scene::wanted_trees(updated->report))
+      trees_->want(shared_from_this(), mesh_id);
+  return std::move(updated).value();
+}
+
+void NamedScene::publish(std::shared_ptr<const scene::Scene> scene) {
   const std::lock_guard lock(pointer_);
-  current_ = updated->scene;
+  current_.swap(scene);  // the old one may go: after the lock
   std::erase_if(versions_, [](const auto& version) { return version.expired(); });
   versions_.emplace_back(current_);
-  return std::move(updated).value();
+}
+
+Result<std::optional<scene::TreeRefusal>> NamedScene::replace_tree(std::uint32_t mesh_id,
+                                                                   const blas::Blas& tree,
+                                                                   const std::stop_token& stop) {
+  const auto turn = writing_.enter(stop);
+  if (!turn || erased_) return Error{ErrorCode::kCancelled, "nobody needs the tree any more", ""};
+  auto replaced = scene::replace_tree(*snapshot(), mesh_id, tree);
+  if (!replaced) return replaced.error();
+  if (const auto* refusal = std::get_if<scene::TreeRefusal>(&*replaced)) return std::optional(*refusal);
+  publish(std::get<std::shared_ptr<const scene::Scene>>(*std::move(replaced)));
+  return std::optional<scene::TreeRefusal>();
 }
 
 std::size_t NamedScene::live_versions() const {
@@ -129,9 +150,17 @@ std::variant<std::shared_ptr<NamedScene>, Problem> SceneStore::create(
     key = *stored;
   }
   auto scene = std::make_shared<NamedScene>(name, std::move(first), std::move(origin),
-                                            NamedScene::Stored{archive_, key});
-  settle(name, {State::kServed, scene, key});
+                                            NamedScene::Stored{archive_, key}, trees_);
+  serve(scene, key);
   return scene;
+}
+
+void SceneStore::serve(const std::shared_ptr<NamedScene>& scene, std::int64_t key) {
+  settle(scene->id(), {State::kServed, scene, key});
+  if (trees_ == nullptr) return;
+  const auto snapshot = scene->snapshot();
+  for (std::uint32_t mesh_id = 0; mesh_id < snapshot->mesh_count(); ++mesh_id)
+    if (better_tree(*snapshot, mesh_id)) trees_->want(scene, mesh_id);
 }
 
 std::shared_ptr<NamedScene> SceneStore::find(std::string_view id) const {
@@ -195,13 +224,14 @@ std::optional<Problem> SceneStore::erase(std::string_view id, std::string_view i
   if (archive_ != nullptr)
     if (const Status erased = archive_->erase(scene->stored_.key); !erased) return not_stored(erased.error());
   scene->erased_ = true;
+  scene->gone_.request_stop();
   const std::lock_guard lock(mutex_);
   scenes_.erase(scenes_.find(id));
   return std::nullopt;
 }
 
-SceneStore::SceneStore(std::size_t max_scenes, store::SceneArchive* archive)
-    : max_scenes_(max_scenes), archive_(archive) {
+SceneStore::SceneStore(std::size_t max_scenes, store::SceneArchive* archive, TreeBuilder* trees)
+    : max_scenes_(max_scenes), archive_(archive), trees_(trees) {
   if (archive_ == nullptr) return;
   // The archive has read all of it once, when it was opened.
   if (auto rows = archive_->scenes()) rows_ = std::move(rows).value();
@@ -214,10 +244,9 @@ void SceneStore::restore(const std::stop_token& stop, const std::function<void(c
     if (stop.stop_requested()) return;
     auto scene = archive_->restore(row, stop);
     if (scene) {
-      settle(row.id, {State::kServed,
-                      std::make_shared<NamedScene>(row.id, std::move(scene).value(), row.origin,
-                                                   NamedScene::Stored{archive_, row.key}),
-                      row.key});
+      serve(std::make_shared<NamedScene>(row.id, std::move(scene).value(), row.origin,
+                                         NamedScene::Stored{archive_, row.key}, trees_),
+            row.key);
     } else if (scene.error().code != ErrorCode::kCancelled) {
       settle(row.id, {State::kDamaged, nullptr, row.key});
       tell({row.id, scene.error().message});

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
+#include "core/scene/tree_replacement.h"
 #include "core/scene/update.h"
 #include "proto/error_table.h"
 #include "server/store/scene_archive.h"
@@ -22,10 +23,12 @@ namespace gridcast::server {
 
 using store::SceneOrigin;
 
+class TreeBuilder;
+
 /// A named scene: a pointer to its newest snapshot, and one writer at a time, in the order of arrival.
 /// Readers never wait for a writer's work nor a writer for readers: the pointer alone is guarded. An old
 /// version is freed when its last reader lets go of it.
-class NamedScene {
+class NamedScene : public std::enable_shared_from_this<NamedScene> {
  public:
   /// Where a scene is stored.
   struct Stored {
@@ -33,10 +36,13 @@ class NamedScene {
     std::int64_t key = 0;
   };
 
-  NamedScene(std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin, Stored stored)
+  /// `trees` builds what updates leave to the background; null: nobody does.
+  NamedScene(std::string id, std::shared_ptr<const scene::Scene> first, SceneOrigin origin, Stored stored,
+             TreeBuilder* trees)
       : id_(std::move(id)),
         origin_(std::move(origin)),
         stored_(stored),
+        trees_(trees),
         current_(std::move(first)),
         versions_{current_} {}
 
@@ -52,14 +58,27 @@ class NamedScene {
       std::string_view if_match, const std::vector<scene::SceneEdit>& edits,
       const std::stop_token& stop = {});
 
-  /// Versions in memory: the newest and those that queries still read.
+  /// Puts a better tree into the newest version (scene::replace_tree): nothing but speed changes, so the
+  /// version stays and nothing is stored. Why it was of no use, if so. kCancelled when `stop` or the end of
+  /// the scene comes first.
+  [[nodiscard]] Result<std::optional<scene::TreeRefusal>> replace_tree(std::uint32_t mesh_id,
+                                                                       const blas::Blas& tree,
+                                                                       const std::stop_token& stop);
+  /// Says when the scene is erased.
+  [[nodiscard]] std::stop_token gone() const { return gone_.get_token(); }
+
+  /// Versions in memory: the newest and those that queries still read. One that got a better tree while it
+  /// was read counts twice.
   [[nodiscard]] std::size_t live_versions() const;
 
  private:
   friend class SceneStore;
+  void publish(std::shared_ptr<const scene::Scene> scene);
   std::string id_;
   SceneOrigin origin_;
   Stored stored_;
+  TreeBuilder* trees_;
+  std::stop_source gone_;
   WorkGate writing_{1};
   bool erased_ = false;         ///< guarded by a turn of writing_
   mutable std::mutex pointer_;  ///< guards what follows
@@ -81,8 +100,10 @@ struct DamagedScene {
 /// when the change is stored.
 class SceneStore {
  public:
-  /// The stored scenes are there at once, and can be served when restore() has come to them.
-  explicit SceneStore(std::size_t max_scenes, store::SceneArchive* archive = nullptr);
+  /// The stored scenes are there at once, and can be served when restore() has come to them. Without `trees`
+  /// updates leave nothing to the background.
+  explicit SceneStore(std::size_t max_scenes, store::SceneArchive* archive = nullptr,
+                      TreeBuilder* trees = nullptr);
 
   /// Letters, digits, '_', '.' and '-', 1 to 64 of them, not "." or "..".
   [[nodiscard]] static bool is_valid_id(std::string_view id);
@@ -116,10 +137,13 @@ class SceneStore {
 
   std::variant<std::string, proto::Problem> reserve(std::string id);
   void settle(const std::string& id, Entry entry);
+  /// Serves it, and has the trees built that it lacks.
+  void serve(const std::shared_ptr<NamedScene>& scene, std::int64_t key);
   std::optional<proto::Problem> erase_damaged(std::string_view id, std::int64_t key);
 
   std::size_t max_scenes_;
   store::SceneArchive* archive_;
+  TreeBuilder* trees_;
   std::vector<store::SceneRow> rows_;  ///< to be restored
   mutable std::mutex mutex_;
   std::map<std::string, Entry, std::less<>> scenes_;

@@ -32,7 +32,11 @@ struct Choice {
   std::string reason;
 };
 
-Choice choose(StructureKind asked, std::size_t triangles) {
+Choice choose(StructureKind asked, MeshMotion motion, std::size_t triangles) {
+  if (asked == StructureKind::kKdTree && motion == MeshMotion::kDeforms) {
+    return {StructureKind::kWideBvh,
+            "a kd-tree was asked for, but the mesh deforms and a kd-tree cannot be refitted"};
+  }
   if (asked != StructureKind::kAuto) return {asked, "asked for"};
   const std::string limit = std::to_string(kBruteForceTriangles);
   if (triangles <= kBruteForceTriangles) {
@@ -83,7 +87,7 @@ struct Blas::Inside {
 Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const BuildOptions& options,
                          std::stop_token stop) try {
   const auto start = std::chrono::steady_clock::now();
-  Choice choice = choose(options.kind, mesh->triangle_count());
+  Choice choice = choose(options.kind, options.motion, mesh->triangle_count());
   Blas blas;
   Status status = ok_status();
   switch (choice.kind) {

@@ -62,12 +62,14 @@ struct Action {
   std::string reason;
 };
 
+using blas::MeshMotion;
+
 Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
-                       blas::BuildQuality quality, std::string reason) {
+                       MeshMotion motion, blas::BuildQuality quality, std::string reason) {
   // What moved once will move again: a tree without shared triangles stays good longer.
   blas::BuildOptions options = old.options();
   options.spatial = blas::SpatialSplits::kNever;
-  options.motion = blas::MeshMotion::kDeforms;
+  options.motion = motion;
   options.quality = quality;
   auto built = blas::Blas::build(std::move(moved), options);
   if (!built) return built.error();
@@ -76,26 +78,46 @@ Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::Triang
 
 using Vertices = std::optional<std::vector<std::uint32_t>>;
 
-/// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any. `asked` is
-/// the quality the scene was asked for.
+/// Whoever has a kd-tree rebuilt wants a kd-tree: it is made as if for a mesh that stays.
+MeshMotion motion_when_asked(const blas::Blas& old) {
+  return old.options().kind == blas::StructureKind::kKdTree ? MeshMotion::kStatic : MeshMotion::kDeforms;
+}
+
+/// A structure that cannot be refitted gives way to one that follows the vertices from now on. In Morton
+/// order where a better one comes later.
+Result<Action> replace_kind(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
+                            const TreeTerms& terms) {
+  const bool fast =
+      terms.place == RebuildPlace::kInBackground && moved->triangle_count() > kFastRebuildTriangles;
+  auto action = rebuild(old, std::move(moved), MeshMotion::kDeforms,
+                        fast ? blas::BuildQuality::kFast : terms.asked, "");
+  if (!action) return action;
+  const auto before = old.stats().kind, now = action->blas.stats().kind;
+  action->reason = "A " + std::string(to_string(before)) + " structure cannot be refitted" +
+                   (before == now ? "." : ": a " + std::string(to_string(now)) + " takes its place.");
+  return action;
+}
+
+/// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any.
 Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
-                                const Vertices& vertices, UpdateMode mode, blas::BuildQuality asked) {
-  const std::string kind(to_string(old.stats().kind));
-  if (mode == UpdateMode::kRebuild) return rebuild(old, std::move(moved), asked, "A rebuild was asked for.");
+                                const Vertices& vertices, UpdateMode mode, const TreeTerms& terms) {
+  if (mode == UpdateMode::kRebuild)
+    return rebuild(old, std::move(moved), motion_when_asked(old), terms.asked, "A rebuild was asked for.");
   if (!old.can_refit()) {
-    // Who did not ask for this structure gets one that follows the vertices from now on.
     if (mode == UpdateMode::kRefit && old.options().kind != blas::StructureKind::kAuto)
-      return Error{ErrorCode::kUnsupported, "a " + kind + " structure cannot be refitted", ""};
-    return rebuild(old, std::move(moved), asked, "A " + kind + " structure cannot be refitted.");
+      return Error{ErrorCode::kUnsupported,
+                   "a " + std::string(to_string(old.stats().kind)) + " structure cannot be refitted", ""};
+    return replace_kind(old, std::move(moved), terms);
   }
   auto refitted = vertices ? old.refit(moved, *vertices) : old.refit(moved);
   if (!refitted) return refitted.error();
   if (mode == UpdateMode::kRefit)
     return Action{*std::move(refitted), MeshAction::kRefit, "A refit was asked for."};
 
-  TreeVerdict verdict = judge_refit(refitted->stats(), asked);
+  TreeVerdict verdict = judge_refit(refitted->stats(), terms);
   if (verdict.rebuild_as)
-    return rebuild(old, std::move(moved), *verdict.rebuild_as, std::move(verdict.reason));
+    return rebuild(old, std::move(moved), MeshMotion::kDeforms, *verdict.rebuild_as,
+                   std::move(verdict.reason));
   return Action{*std::move(refitted), MeshAction::kRefit, std::move(verdict.reason)};
 }
 
@@ -147,15 +169,21 @@ Status MeshEdits::apply(SceneEditor& editor) {
   for (auto& [mesh_id, pending] : pending_) {
     const Clock::time_point start = Clock::now();
     const blas::Blas old = editor.scene().blas(mesh_id);
+    const TreeTerms terms{old.options().quality, editor.scene().blas_options().quality, rebuilds_};
     auto action = refit_or_rebuild(
         old, moved_mesh(old.mesh(), std::move(pending.positions), std::move(pending.normals)),
-        pending.vertices, pending.mode, editor.scene().blas_options().quality);
+        pending.vertices, pending.mode, terms);
     if (!action) {
       const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
       return Error{action.error().code, action.error().message, edit + "/mode"};
     }
-    pending.report = {mesh_id, action->kind, action->reason, old.stats().cost, action->blas.stats().cost,
-                      0.0};
+    // Whoever asked for a refit and got one wants the tree of this shape.
+    const bool is_kept = pending.mode == UpdateMode::kRefit && action->kind == MeshAction::kRefit;
+    const bool wants =
+        rebuilds_ == RebuildPlace::kInBackground && !is_kept && wants_better_tree(action->blas, terms.asked);
+    if (wants) action->reason += " A better tree is being built.";
+    pending.report = {
+        mesh_id, action->kind, action->reason, wants, old.stats().cost, action->blas.stats().cost, 0.0};
     editor.set_mesh(mesh_id, std::move(action->blas));
     pending.report.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   }

@@ -14,6 +14,8 @@ namespace gridcast::scene {
 /// after the other, then the structure is refitted or rebuilt once, and their reports are the same.
 class MeshEdits {
  public:
+  explicit MeshEdits(RebuildPlace rebuilds) : rebuilds_(rebuilds) {}
+
   /// Checks an edit and remembers its positions; `edit_index` is its place in the update. Errors carry a
   /// pointer relative to the edit (`/positions/17`).
   [[nodiscard]] Status add(const Scene& scene, const ReplaceVertices& edit, std::size_t edit_index);
@@ -47,6 +49,7 @@ class MeshEdits {
     MeshUpdateReport report;
   };
 
+  RebuildPlace rebuilds_;
   std::map<std::uint32_t, Pending> pending_;  // by mesh_id: applied in that order
   std::vector<std::uint32_t> mesh_of_edit_;
 };

@@ -40,6 +40,8 @@ class SceneEditor {
     scene_->hulls_[mesh_id] = MeshHull(blas.mesh(), blas.bounds());
     scene_->blas_[mesh_id] = std::move(blas);
   }
+  /// Another tree over the same vertices.
+  void set_tree(std::uint32_t mesh_id, blas::Blas blas) { scene_->blas_[mesh_id] = std::move(blas); }
 
   void reserve_instances(std::size_t count) { scene_->instances_.grow(count); }
   /// Writes a slot; different chunks of slots may be written from different threads.

@@ -17,7 +17,7 @@ Error error_at(std::size_t edit_index, const Error& error) {
 /// follow at the end, once each.
 class Update {
  public:
-  explicit Update(const Scene& scene) : editor_(scene) {}
+  Update(const Scene& scene, const UpdateOptions& options) : editor_(scene), mesh_edits_(options.rebuilds) {}
 
   Status operator()(const AddInstance& edit) {
     if (edit.mesh_id >= scene().mesh_count())
@@ -130,8 +130,9 @@ std::string_view to_string(MeshAction action) {
   return action == MeshAction::kRefit ? "refit" : "rebuild";
 }
 
-Result<UpdateResult> apply_update(const Scene& scene, const std::vector<SceneEdit>& edits) try {
-  return Update(scene).run(edits);
+Result<UpdateResult> apply_update(const Scene& scene, const std::vector<SceneEdit>& edits,
+                                  const UpdateOptions& options) try {
+  return Update(scene, options).run(edits);
 } catch (const std::bad_alloc&) {
   return Error{ErrorCode::kLimitExceeded, "not enough memory for the update", ""};
 }

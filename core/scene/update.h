@@ -8,6 +8,7 @@
 
 #include "core/math/trs.h"
 #include "core/scene/scene.h"
+#include "core/scene/tree_watch.h"
 
 namespace gridcast::scene {
 
@@ -103,8 +104,9 @@ enum class MeshAction : std::uint8_t { kRefit, kRebuild };
 struct MeshUpdateReport {
   std::uint32_t mesh_id = kInvalidId;
   MeshAction action = MeshAction::kRefit;
-  std::string reason;        ///< why this action, as a sentence
-  double cost_before = 0.0;  ///< surface-area cost before the update
+  std::string reason;              ///< why this action, as a sentence
+  bool wants_better_tree = false;  ///< of a background: see better_tree()
+  double cost_before = 0.0;        ///< surface-area cost before the update
   double cost_after = 0.0;
   double ms = 0.0;
 };
@@ -125,6 +127,10 @@ struct UpdateReport {
   double ms = 0.0;
 };
 
+struct UpdateOptions {
+  RebuildPlace rebuilds = RebuildPlace::kInUpdate;
+};
+
 struct UpdateResult {
   std::shared_ptr<const Scene> scene;  ///< version = the old one + 1
   UpdateReport report;
@@ -134,6 +140,7 @@ struct UpdateResult {
 /// (`/edits/2/...`). Moving k of n instances costs O(k) plus the chunks they share with others. Errors:
 /// kNotFound (unknown instance or mesh), kInvalidArgument (singular transform, non-finite or miscounted
 /// positions, a pose that names what is not there), kUnsupported (mode kRefit on a structure that cannot).
-[[nodiscard]] Result<UpdateResult> apply_update(const Scene& scene, const std::vector<SceneEdit>& edits);
+[[nodiscard]] Result<UpdateResult> apply_update(const Scene& scene, const std::vector<SceneEdit>& edits,
+                                                const UpdateOptions& options = {});
 
 }  // namespace gridcast::scene

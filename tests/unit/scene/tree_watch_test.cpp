@@ -24,11 +24,19 @@ blas::StructureStats stats(double cost, double looseness, std::size_t triangles 
   return made;
 }
 
+constexpr TreeTerms kAlone{};
+constexpr TreeTerms kServed{BuildQuality::kDefault, BuildQuality::kDefault, RebuildPlace::kInBackground};
+constexpr std::size_t kLarge = kFastRebuildTriangles + 1;
+
+bool is_kept(const blas::StructureStats& refitted, const TreeTerms& terms) {
+  return !judge_refit(refitted, terms).rebuild_as;
+}
+
 TEST(TreeWatch, a_tree_goes_when_either_measure_exceeds_the_limit) {
-  EXPECT_FALSE(judge_refit(stats(15.0, 6.0), BuildQuality::kDefault).rebuild_as);
-  EXPECT_FALSE(judge_refit(stats(1.0, 0.1), BuildQuality::kDefault).rebuild_as);
-  EXPECT_TRUE(judge_refit(stats(15.1, 4.0), BuildQuality::kDefault).rebuild_as);
-  EXPECT_TRUE(judge_refit(stats(10.0, 6.1), BuildQuality::kDefault).rebuild_as);
+  EXPECT_TRUE(is_kept(stats(15.0, 6.0), kAlone));
+  EXPECT_TRUE(is_kept(stats(1.0, 0.1), kAlone));
+  EXPECT_FALSE(is_kept(stats(15.1, 4.0), kAlone));
+  EXPECT_FALSE(is_kept(stats(10.0, 6.1), kAlone));
   EXPECT_EQ(worsening(stats(20.0, 4.0)), 2.0);
   EXPECT_EQ(worsening(stats(10.0, 12.0)), 3.0);
 }
@@ -36,17 +44,38 @@ TEST(TreeWatch, a_tree_goes_when_either_measure_exceeds_the_limit) {
 TEST(TreeWatch, unknown_measures_condemn_nothing) {
   blas::StructureStats unknown;
   EXPECT_EQ(worsening(unknown), 1.0);
-  EXPECT_FALSE(judge_refit(unknown, BuildQuality::kDefault).rebuild_as);
+  EXPECT_TRUE(is_kept(unknown, kAlone));
 }
 
 TEST(TreeWatch, large_meshes_are_rebuilt_fast_and_small_ones_as_asked) {
-  EXPECT_EQ(judge_refit(stats(99.0, 4.0, kFastRebuildTriangles), BuildQuality::kDefault).rebuild_as,
-            BuildQuality::kDefault);
-  EXPECT_EQ(judge_refit(stats(99.0, 4.0, kFastRebuildTriangles), BuildQuality::kFast).rebuild_as,
-            BuildQuality::kFast);
-  const TreeVerdict large = judge_refit(stats(99.0, 4.0, kFastRebuildTriangles + 1), BuildQuality::kDefault);
-  EXPECT_EQ(large.rebuild_as, BuildQuality::kFast);
-  EXPECT_NE(large.reason.find("Morton"), std::string::npos);
+  const auto rebuilt_as = [](std::size_t triangles, BuildQuality asked) {
+    return judge_refit(stats(99.0, 4.0, triangles), {BuildQuality::kDefault, asked, RebuildPlace::kInUpdate})
+        .rebuild_as;
+  };
+  EXPECT_EQ(rebuilt_as(kFastRebuildTriangles, BuildQuality::kDefault), BuildQuality::kDefault);
+  EXPECT_EQ(rebuilt_as(kFastRebuildTriangles, BuildQuality::kFast), BuildQuality::kFast);
+  EXPECT_EQ(rebuilt_as(kLarge, BuildQuality::kDefault), BuildQuality::kFast);
+  EXPECT_NE(judge_refit(stats(99.0, 4.0, kLarge), kAlone).reason.find("Morton"), std::string::npos);
+}
+
+TEST(TreeWatch, a_large_tree_serves_longer_when_a_better_one_comes_from_the_background) {
+  EXPECT_FALSE(is_kept(stats(15.1, 4.0, kLarge), kAlone));
+  EXPECT_TRUE(is_kept(stats(18.0, 7.2, kLarge), kServed));
+  EXPECT_FALSE(is_kept(stats(18.1, 4.0, kLarge), kServed));
+  EXPECT_FALSE(is_kept(stats(10.0, 7.3, kLarge), kServed));
+  EXPECT_FALSE(is_kept(stats(15.1, 4.0, kFastRebuildTriangles), kServed)) << "small ones are rebuilt at once";
+}
+
+TEST(TreeWatch, a_morton_tree_is_judged_by_the_cost_of_a_good_one) {
+  for (TreeTerms terms : {kAlone, kServed}) {
+    const double limit = terms.place == RebuildPlace::kInUpdate ? kMaxRefitCostRatio : kMaxServingCostRatio;
+    const double cost = 10.0 * limit / kMortonCostRatio;
+    terms.built = BuildQuality::kFast;
+    EXPECT_TRUE(is_kept(stats(0.999 * cost, 4.0, kLarge), terms));
+    EXPECT_FALSE(is_kept(stats(1.001 * cost, 4.0, kLarge), terms));
+    terms.asked = BuildQuality::kFast;
+    EXPECT_TRUE(is_kept(stats(1.001 * cost, 4.0, kLarge), terms)) << "nothing better was asked for";
+  }
 }
 
 /// The trees that an update leaves cost about what new ones do, through a shuffle of the vertices and back:

@@ -1,0 +1,108 @@
+"""Large meshes that change whole: served at once, by a better tree soon after, in the same version."""
+
+import re
+import time
+
+import numpy as np
+
+import models
+from conftest import Server
+from gridcast_client import VERTICES
+
+WHOLE = VERTICES + "; layout=whole"
+
+
+def grid(cells):
+    """(positions, indices) of a bumpy square of 2 cells^2 triangles."""
+    steps = np.linspace(-1, 1, cells + 1)
+    x, z = (axis.ravel() for axis in np.meshgrid(steps, steps))
+    corner = np.add.outer(np.arange(cells) * (cells + 1), np.arange(cells)).ravel()
+    faces = np.stack([corner, corner + cells + 1, corner + 1, corner + 1, corner + cells + 1, corner + cells + 2], axis=1)
+    return np.stack([x, 0.1 * np.sin(9 * x) * np.cos(7 * z), z], axis=1).astype("<f4"), faces.reshape(-1, 3).astype("<u4")
+
+
+def shuffled(positions, seed):
+    return np.random.default_rng(seed).permutation(positions)
+
+
+def builds(client, outcome):
+    found = re.search(rf'^gridcast_tree_builds_total{{outcome="{outcome}"}} (\S+)$', client.get("/metrics").body.decode(), re.M)
+    return float(found.group(1)) if found else 0.0
+
+
+def until(condition, what):
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"{what} did not come")
+
+
+def test_a_shuffled_mesh_gets_its_better_tree_without_a_new_version(client, load):
+    positions, faces = grid(110)
+    scene = load(models.glb([(positions, faces)], [{"mesh": 0}]))
+    mess = shuffled(positions, 7)
+    before = builds(client, "replaced")
+    reply = scene.patch("/meshes/0/vertices", mess.tobytes(), WHOLE)
+    report = reply.json()
+    assert report["action"] == "rebuild" and "Morton" in report["reason"], report
+    assert report["reason"].endswith("A better tree is being built."), report
+    rays = models.random_rays(1500, seed=5)
+    first = scene.cast(rays).body
+    tag = reply.headers["etag"]
+
+    def tree():
+        answer = scene.get("/structure", headers={"If-None-Match": tag})
+        assert answer.status == 200 and answer.version() == 2, "never 304"
+        return answer.json()["meshes"][0]
+
+    until(lambda: "Morton" not in tree()["reason"], "the better tree")
+    until(lambda: builds(client, "replaced") == before + 1, "its count")
+    assert tree()["refits_since_build"] == 0
+    assert 0 < tree()["cost"] < report["cost_after"]
+    assert scene.version() == 2
+    assert scene.cast(rays).body == first
+    anew = load(models.glb([(mess, faces)], [{"mesh": 0}])).cast(rays).columns()
+    for name, column in scene.cast(rays).columns().items():
+        assert column.tobytes() == anew[name].tobytes(), name
+
+
+def test_a_twisted_mesh_is_refitted_and_says_that_a_better_tree_is_on_its_way(load):
+    positions, faces = grid(110)
+    scene = load(models.glb([(positions, faces)], [{"mesh": 0}]))
+    angle = 1.2 * positions[:, 0]
+    twisted = np.stack([positions[:, 0], np.cos(angle) * positions[:, 1] - np.sin(angle) * positions[:, 2],
+                        np.sin(angle) * positions[:, 1] + np.cos(angle) * positions[:, 2]], axis=1).astype("<f4")
+    report = scene.patch("/meshes/0/vertices", twisted.tobytes(), WHOLE).json()
+    assert report["action"] == "refit" and "A better tree is being built." in report["reason"], report
+    until(lambda: scene.get("/structure").json()["meshes"][0]["refits_since_build"] == 0, "the better tree")
+    kept = scene.patch("/meshes/0/vertices", twisted.tobytes(), WHOLE, update="refit").json()
+    assert kept["action"] == "refit" and "better" not in kept["reason"]
+
+
+def test_a_kd_tree_gives_way_when_its_mesh_deforms_and_says_why(load):
+    positions, faces = models.sphere()
+    scene = load(models.glb([(positions, faces)], [{"mesh": 0}]), structure="kd_tree")
+    assert scene.get("/structure").json()["meshes"][0]["kind"] == "kd_tree"
+    assert scene.patch("/meshes/0/vertices", (1.1 * positions).astype("<f4").tobytes(), WHOLE).json()["action"] == "rebuild"
+    tree = scene.get("/structure").json()["meshes"][0]
+    assert tree["kind"] == "wide_bvh" and "kd-tree" in tree["reason"]
+    assert scene.patch("/meshes/0/vertices", positions.tobytes(), WHOLE).json()["action"] == "refit"
+    assert scene.patch("/meshes/0/vertices", positions.tobytes(), WHOLE, update="rebuild").json()["action"] == "rebuild"
+    assert scene.get("/structure").json()["meshes"][0]["kind"] == "kd_tree"
+
+
+def test_sigterm_ends_a_server_that_builds_a_tree():
+    positions, faces = grid(500)
+    server = Server("--threads", "1")
+    try:
+        model = models.glb([(positions, faces)], [{"mesh": 0}])
+        made = server.client.post("/v1/scenes?name=large", model, "model/gltf-binary")
+        assert made.status == 201, made
+        reply = server.client.patch("/v1/scenes/large/meshes/0/vertices", shuffled(positions, 3).tobytes(), WHOLE)
+        assert "A better tree is being built." in reply.json()["reason"]
+        waiting = re.search(r"^gridcast_tree_builds_waiting (\S+)$", server.client.get("/metrics").body.decode(), re.M)
+        assert float(waiting.group(1)) == 1
+    finally:
+        code = server.stop()
+    assert code == 0
