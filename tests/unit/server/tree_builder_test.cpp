@@ -176,6 +176,7 @@ TEST(TreeBuilder, a_builder_that_goes_leaves_its_build) {
   std::shuffle(mess.begin(), mess.end(), engine);
   ASSERT_TRUE(update(*named, {scene::ReplaceVertices{0, mess, {}}}));
   ASSERT_EQ(trees->counts().waiting, 1U);
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it has begun
   trees.reset();
   EXPECT_EQ(quality_of(*named), blas::BuildQuality::kFast) << "it was not waited for";
 }
