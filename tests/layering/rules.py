@@ -29,7 +29,7 @@ ARROWS = {
 
 # Tasks: builds and queries share one pool; the server only sets how many threads it has.
 TBB_USERS = ["core/mesh/", "core/blas/", "core/tlas/", "core/scene/", "core/render/", "core/io/", "core/measure/",
-             "server/thread_limit.cpp", "tests/"]
+             "server/thread_limit.cpp", "server/tree_builder.cpp", "tests/"]
 
 # Where a third-party header may be included: first matching prefix of the name between < and >.
 THIRD_PARTY = {
