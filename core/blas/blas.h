@@ -87,6 +87,12 @@ struct StructureStats {
   std::uint32_t refits_since_build = 0;
 };
 
+/// What came of a repair. kUnneeded: nothing is worse enough than when it was built to pay for it; the tree
+/// is the same. kRebuild: so much is worse, or the top of the tree, that only a whole build helps; the tree
+/// is the same.
+enum class RepairOutcome : std::uint8_t { kUnneeded, kRepaired, kRebuild };
+struct Repair;
+
 /// A mesh and its structure, immutable and shared by every instance of the mesh. Copies are cheap.
 class Blas {
  public:
@@ -103,6 +109,13 @@ class Blas {
   [[nodiscard]] Result<Blas> refit(std::shared_ptr<const mesh::TriangleMesh> moved,
                                    std::span<const std::uint32_t> vertices) const;
   [[nodiscard]] bool can_refit() const;
+
+  /// Builds the subtrees of a refitted tree anew that have become worse than they were when built, while the
+  /// others are fine: time for the triangles in those and a copy of the tree. Same mesh, same answers.
+  /// `cost_at_build` becomes what the tree would cost if every part was as good as when it was built.
+  /// kUnsupported unless this is a wide BVH in which no leaves share a triangle; kCancelled on `stop`;
+  /// kLimitExceeded without the memory.
+  [[nodiscard]] Result<Repair> repair(const std::stop_token& stop = {}) const;
 
   [[nodiscard]] const mesh::TriangleMesh& mesh() const { return *mesh_; }
   [[nodiscard]] const std::shared_ptr<const mesh::TriangleMesh>& mesh_ptr() const { return mesh_; }
@@ -168,6 +181,17 @@ class Blas {
   Bounds3f bounds_;
   BuildOptions options_;
   StructureStats stats_;
+};
+
+/// See Blas::repair.
+struct Repair {
+  Blas blas;
+  RepairOutcome outcome = RepairOutcome::kUnneeded;
+  std::size_t triangles = 0;  ///< built anew; of kRebuild those that should be
+  std::size_t subtrees = 0;   ///< that hold them
+  double cost_before = 0.0;
+  double cost_after = 0.0;
+  double ms = 0.0;
 };
 
 }  // namespace gridcast::blas

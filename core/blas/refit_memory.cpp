@@ -12,6 +12,15 @@ namespace {
 
 constexpr std::size_t kBlocksPerTask = 4096;
 
+/// Calls visit(vertex) for every corner of a block, once a lane that is not repeated.
+template <class Visit>
+void for_each_vertex(const BlockCorners& corners, const Visit& visit) {
+  for (const auto& lanes : corners.vertices)
+    for (const std::uint32_t vertex : lanes) visit(vertex);
+}
+
+}  // namespace
+
 BlockCorners corners_of(const TriangleBlock& block, const mesh::TriangleMesh& mesh) {
   BlockCorners corners{};
   bool last_vertex = false;
@@ -27,21 +36,15 @@ BlockCorners corners_of(const TriangleBlock& block, const mesh::TriangleMesh& me
   return corners;
 }
 
-/// Calls visit(vertex) for every corner of a block, once a lane that is not repeated.
-template <class Visit>
-void for_each_vertex(const BlockCorners& corners, const Visit& visit) {
-  for (const auto& lanes : corners.vertices)
-    for (const std::uint32_t vertex : lanes) visit(vertex);
-}
-
-}  // namespace
-
-RefitPlan::RefitPlan(const WideNodes& nodes, const TriangleBlocks& blocks, const mesh::TriangleMesh& mesh)
-    : parts(nodes), corners(blocks.size()) {
+RefitPlan::RefitPlan(const WideBvh& built, const mesh::TriangleMesh& mesh)
+    : parts(built.nodes()), corners(built.blocks().size()) {
   using Range = oneapi::tbb::blocked_range<std::size_t>;
-  oneapi::tbb::parallel_for(Range(0, blocks.size(), kBlocksPerTask), [&](const Range& range) {
-    for (std::size_t i = range.begin(); i < range.end(); ++i) corners[i] = corners_of(blocks[i], mesh);
+  oneapi::tbb::parallel_for(Range(0, corners.size(), kBlocksPerTask), [&](const Range& range) {
+    for (std::size_t i = range.begin(); i < range.end(); ++i)
+      corners[i] = corners_of(built.blocks()[i], mesh);
   });
+  const auto own = part_sizes(built.nodes(), built.blocks(), parts);
+  looseness = part_looseness(built.part_costs(), sizes_below(parts, own));
 }
 
 VertexLinks::VertexLinks(const WideNodes& nodes, const BlockCornersList& corners, std::size_t vertex_count)
@@ -77,8 +80,7 @@ VertexLinks::VertexLinks(const WideNodes& nodes, const BlockCornersList& corners
 
 // Isolated: a thread that waits for the plan must not take up a task that asks for it.
 const RefitPlan& RefitMemory::plan_locked(const WideBvh& tree, const mesh::TriangleMesh& mesh) {
-  if (!plan_)
-    oneapi::tbb::this_task_arena::isolate([&] { plan_.emplace(tree.nodes(), tree.blocks(), mesh); });
+  if (!plan_) oneapi::tbb::this_task_arena::isolate([&] { plan_.emplace(tree, mesh); });
   return *plan_;
 }
 
@@ -115,8 +117,9 @@ std::size_t RefitMemory::memory_bytes() const {
   std::size_t bytes =
       spare_.nodes.capacity() * sizeof(WideNode) + spare_.blocks.capacity() * sizeof(TriangleBlock);
   if (plan_) {
-    bytes +=
-        plan_->corners.capacity() * sizeof(BlockCorners) + plan_->parts.all.capacity() * sizeof(WidePart);
+    bytes += plan_->corners.capacity() * sizeof(BlockCorners) +
+             plan_->parts.all.capacity() * sizeof(WidePart) +
+             plan_->looseness.capacity() * sizeof(PartLooseness);
   }
   if (links_) {
     bytes += (links_->first_block.capacity() + links_->blocks.capacity() + links_->node_of_block.capacity() +

@@ -6,9 +6,11 @@
 #include <mutex>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/blas/wide_bvh.h"
+#include "core/blas/wide_damage.h"
 #include "core/blas/wide_parts.h"
 
 namespace gridcast::blas {
@@ -26,11 +28,17 @@ static_assert(sizeof(BlockCorners) == 64);
 
 using BlockCornersList = std::vector<BlockCorners, UninitializedAllocator<BlockCorners>>;
 
-/// What a refit of the whole tree needs to know of its shape.
+/// Of the triangles that the block names.
+[[nodiscard]] BlockCorners corners_of(const TriangleBlock& block, const mesh::TriangleMesh& mesh);
+
+/// What a refit of the whole tree needs to know of its shape, and a repair of how good it was.
 struct RefitPlan {
-  RefitPlan(const WideNodes& nodes, const TriangleBlocks& blocks, const mesh::TriangleMesh& mesh);
+  RefitPlan() = default;
+  /// Of a tree as it was built.
+  RefitPlan(const WideBvh& built, const mesh::TriangleMesh& mesh);
   WideParts parts;
-  BlockCornersList corners;  ///< one per block
+  BlockCornersList corners;              ///< one per block
+  std::vector<PartLooseness> looseness;  ///< of each part when it was built
 };
 
 /// From a vertex to what must be drawn anew when it moves.
@@ -48,6 +56,9 @@ struct VertexLinks {
 /// Shared by a built tree and all of its refits. Thread-safe.
 class RefitMemory {
  public:
+  RefitMemory() = default;
+  explicit RefitMemory(RefitPlan plan) : plan_(std::move(plan)) {}
+
   /// Made when first asked for: a mesh that never moves needs none.
   [[nodiscard]] const RefitPlan& plan(const WideBvh& tree, const mesh::TriangleMesh& mesh);
   [[nodiscard]] const VertexLinks& links(const WideBvh& tree, const mesh::TriangleMesh& mesh);

@@ -28,6 +28,7 @@ Result<std::shared_ptr<const WideBvh>> WideBvh::build(const mesh::TriangleMesh& 
   wide->shape_.reference_count = tree->primitive_ids.size();
   lay_out(*tree, mesh, wide->storage_.nodes, wide->storage_.blocks);
   wide->measure_shape();
+  wide->storage_.part_costs = gridcast::blas::part_costs(wide->nodes(), WideParts(wide->nodes()));
   return std::shared_ptr<const WideBvh>(wide);
 }
 
@@ -48,7 +49,6 @@ void WideBvh::measure_shape() {
         depth[link] = std::uint8_t(depth[i] + 1);
     }
   }
-  storage_.part_costs = part_costs(nodes, WideParts(nodes));
 }
 
 void WideBvh::add_stats(StructureStats& stats) const {

@@ -64,6 +64,9 @@ inline constexpr std::size_t kMaxWideLeaf = 8;
 inline constexpr std::size_t kWideStackSize = 7 * kMaxBvhDepth + 8;
 
 class RefitMemory;
+struct RefitPlan;
+struct WideRepair;
+class Splice;
 
 /// Two corners with room for four floats; the fourth are anything.
 struct alignas(32) PaddedBox {
@@ -101,6 +104,10 @@ class WideBvh {
   [[nodiscard]] Result<std::shared_ptr<const WideBvh>> refit(const mesh::TriangleMesh& moved,
                                                              std::span<const std::uint32_t> vertices) const;
 
+  /// Subtrees of a refitted tree that have become worse than the rest are built anew. kUnsupported when
+  /// several leaves share a triangle; kCancelled on `stop`.
+  [[nodiscard]] Result<WideRepair> repair(const mesh::TriangleMesh& mesh, const std::stop_token& stop) const;
+
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>
   bool intersect(const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector) const;
@@ -127,6 +134,7 @@ class WideBvh {
 
   [[nodiscard]] const WideNodes& nodes() const { return storage_.nodes; }
   [[nodiscard]] const TriangleBlocks& blocks() const { return storage_.blocks; }
+  [[nodiscard]] std::span<const double> part_costs() const { return storage_.part_costs; }
 
  private:
   /// What a refit leaves as it is.

@@ -23,6 +23,7 @@ inline constexpr std::size_t kMaxPartNodes = 64;
 /// The parts of a tree, parents before children. They depend on the links alone, so every refit of a tree has
 /// the same.
 struct WideParts {
+  WideParts() = default;
   explicit WideParts(const WideNodes& nodes);
 
   std::vector<WidePart> all;
