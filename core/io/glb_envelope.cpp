@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <string_view>
 
 namespace gridcast::io {
 namespace {
@@ -58,10 +59,19 @@ Result<GlbEnvelope> open_glb(std::span<const std::byte> bytes) {
   return envelope;
 }
 
+/// glTF JSON is one object, which starts after white space at most.
+bool starts_like_json(std::span<const std::byte> bytes) {
+  const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  return first != std::string_view::npos && text[first] == '{';
+}
+
 }  // namespace
 
 Result<GlbEnvelope> open_envelope(std::span<const std::byte> bytes) {
   if (bytes.size() >= 4 && read_u32(bytes, 0) == kMagic) return open_glb(bytes);
+  if (!starts_like_json(bytes))
+    return invalid("neither a GLB, which begins with glTF, nor glTF JSON, which begins with {", "byte 0");
   return GlbEnvelope{bytes, std::nullopt};
 }
 

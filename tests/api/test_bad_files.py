@@ -164,3 +164,11 @@ def test_markup_and_control_characters_in_names_stay_data(own_server):
     assert listed.json()["instances"][0]["name"].startswith("<script>")
     assert "x-evil" not in listed.headers
     own_server.client.delete(scene)
+
+
+@pytest.mark.parametrize("content", [b"", b"solid cube\nendsolid\n", b"\x89PNG\r\n\x1a\n", b"glT", b"[1, 2]"])
+@pytest.mark.parametrize("content_type", [GLB, GLTF])
+def test_what_is_neither_a_glb_nor_json_is_called_that(own_server, content, content_type):
+    reply = own_server.client.post("/v1/scenes", content, content_type)
+    assert reply.status == 422 and reply.problem() == ("invalid_glb", "byte 0")
+    assert reply.json()["detail"].startswith("neither a GLB")

@@ -20,6 +20,16 @@ TEST(GlbEnvelope, every_cut_of_a_glb_is_refused) {
   }
 }
 
+TEST(GlbEnvelope, what_is_neither_a_glb_nor_json_is_called_that) {
+  for (const std::string text : {"", " \n", "glT", "solid cube", "\x89PNG\r\n", "[]", "\xEF\xBB\xBF{}"}) {
+    const Error error = import_error(to_bytes(text));
+    EXPECT_EQ(error.code, ErrorCode::kInvalidFile);
+    EXPECT_EQ(error.where, "byte 0");
+    EXPECT_NE(error.message.find("neither a GLB"), std::string::npos) << error.message;
+  }
+  EXPECT_EQ(import_error(to_bytes(" \r\n\t{\"asset\"")).message.find("neither"), std::string::npos);
+}
+
 TEST(GlbEnvelope, a_wrong_version_names_the_byte) {
   auto bytes = triangle_document().glb();
   bytes[4] = std::byte{3};
