@@ -66,7 +66,11 @@ bool is_yardstick(const measure::TradeoffRow& row) {
 }
 
 ChartMark mark_of(const measure::TradeoffRow& row) {
-  if (is_yardstick(row)) return find_mark(yardstick_marks(), row.precision);
+  if (is_yardstick(row)) {
+    ChartMark mark = find_mark(yardstick_marks(), row.precision);
+    mark.name = embree_name(mark.name);
+    return mark;
+  }
   ChartMark mark = find_mark(structure_marks(), row.structure);
   mark.name += ", " + row.precision;
   mark.color = find_mark(precision_marks(), row.precision).color;
@@ -173,9 +177,7 @@ void add_point(Chart& chart, ChartPanel& panel, const measure::TradeoffRow& row,
                                   : chart.floor * std::pow(10.0, -kBandDecades * lane_of(row));
   point.on_front = row.on_front;
   if (is_yardstick(row)) {
-    ChartMark mark = point.mark;
-    mark.name = embree_name(mark.name);
-    add_to_legend(chart.yardsticks, mark);
+    add_to_legend(chart.yardsticks, point.mark);
   } else {
     add_to_legend(chart.structures, find_mark(structure_marks(), row.structure));
     add_to_legend(chart.precisions, find_mark(precision_marks(), row.precision));

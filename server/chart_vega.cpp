@@ -19,7 +19,6 @@ Json values_of(const Chart& chart, const measure::TradeoffReport& report) {
       value["panel"] = panel.title;
       value["method"] = point.mark.name;
       value["height"] = point.height;
-      value["floor"] = chart.floor;
       values.push_back(std::move(value));
     }
   }
@@ -39,48 +38,82 @@ Json scale_of(const Chart& chart, std::string ChartMark::*what) {
   return {{"domain", domain}, {"range", range}};
 }
 
-Json positions(const Chart& chart) {
-  Json ticks = Json::array();
-  for (const ChartTick& tick : chart.y_ticks) ticks.push_back(tick.at);
-  return {{"x",
-           {{"field", "mrays_per_s"},
-            {"type", "quantitative"},
-            {"title", chart.x_title},
-            {"scale", {{"type", "log"}, {"domain", {chart.left, chart.right}}}}}},
-          {"y",
-           {{"field", "height"},
-            {"type", "quantitative"},
-            {"title", chart.y_title},
-            {"axis", {{"values", ticks}, {"format", "~s"}}},
-            {"scale", {{"type", "log"}, {"domain", {chart.top, chart.bottom}}, {"reverse", true}}}}}};
+Json x_of(const Chart& chart) {
+  return {{"field", "mrays_per_s"},
+          {"type", "quantitative"},
+          {"title", chart.x_title},
+          {"scale", {{"type", "log"}, {"domain", {chart.left, chart.right}}}}};
 }
 
-Json layers(const Chart& chart) {
-  Json points = positions(chart);
-  points["color"] = {{"field", "method"},
-                     {"type", "nominal"},
-                     {"title", nullptr},
-                     {"scale", scale_of(chart, &ChartMark::color)}};
-  points["shape"] = {{"field", "method"},
-                     {"type", "nominal"},
-                     {"title", nullptr},
-                     {"scale", scale_of(chart, &ChartMark::vega_shape)}};
-  points["tooltip"] = Json::array();
+Json y_of(const Chart& chart, const char* field) {
+  Json ticks = Json::array();
+  for (const ChartTick& tick : chart.y_ticks) ticks.push_back(tick.at);
+  return {{"field", field},
+          {"type", "quantitative"},
+          {"title", "errors per million rays"},
+          {"axis", {{"values", ticks}, {"format", "~s"}}},
+          {"scale", {{"type", "log"}, {"domain", {chart.top, chart.bottom}}, {"reverse", true}}}};
+}
+
+Json positions(const Chart& chart) {
+  return {{"x", x_of(chart)}, {"y", y_of(chart, "height")}};
+}
+
+/// The band of those without an error, its floor and what it says: data of its own, drawn once a panel.
+void add_band(Json& layers, const Chart& chart) {
+  Json data{{"values", Json::array()}};
+  data["values"].push_back({{"floor", chart.floor}, {"top", chart.top}, {"floor_text", chart.floor_text}});
+  const Json floor = y_of(chart, "floor");
+  layers.push_back({{"data", data},
+                    {"mark", {{"type", "rect"}, {"color", "#eef3ee"}}},
+                    {"encoding", {{"y", floor}, {"y2", {{"field", "top"}}}}}});
+  layers.push_back(
+      {{"data", data}, {"mark", {{"type", "rule"}, {"strokeDash", {4, 4}}}}, {"encoding", {{"y", floor}}}});
+  layers.push_back(
+      {{"data", data},
+       {"mark",
+        {{"type", "text"}, {"align", "left"}, {"baseline", "top"}, {"dx", 4}, {"dy", 4}, {"fontSize", 10}}},
+       {"encoding", {{"x", {{"value", 0}}}, {"y", floor}, {"text", {{"field", "floor_text"}}}}}});
+}
+
+/// Colour or shape of the method. One legend for both, a column for each precision.
+Json look(const Chart& chart, std::string ChartMark::*what) {
+  return {{"field", "method"},
+          {"type", "nominal"},
+          {"title", nullptr},
+          {"scale", scale_of(chart, what)},
+          {"legend",
+           {{"orient", "bottom"},
+            {"columns", std::max<std::size_t>(chart.precisions.size(), 2)},
+            {"labelLimit", 0},
+            {"symbolSize", 80}}}};
+}
+
+Json points(const Chart& chart) {
+  Json encoding = positions(chart);
+  encoding["color"] = look(chart, &ChartMark::color);
+  encoding["shape"] = look(chart, &ChartMark::vega_shape);
+  encoding["tooltip"] = Json::array();
   for (const char* field : {"method", "mrays_per_s", "errors_per_million", "errors_below_per_million",
                             "missed_per_million", "false_per_million", "wrong_per_million",
                             "leaks_per_million", "t_error_ulp_p99", "bytes_per_triangle"})
-    points["tooltip"].push_back({{"field", field}});
+    encoding["tooltip"].push_back({{"field", field}});
+  return {{"mark", {{"type", "point"}, {"size", 60}, {"strokeWidth", 2}}}, {"encoding", encoding}};
+}
+
+Json layers(const Chart& chart) {
+  const Json on_front = Json::array({{{"filter", "datum.pareto"}}});
   Json front = positions(chart);
   front["order"] = {{"field", "mrays_per_s"}};
-  const Json on_front = Json::array({{{"filter", "datum.pareto"}}});
-  return Json::array(
-      {{{"mark", {{"type", "rule"}, {"strokeDash", {4, 4}}}},
-        {"encoding", {{"y", {{"field", "floor"}, {"type", "quantitative"}, {"aggregate", "min"}}}}}},
-       {{"transform", on_front}, {"mark", {{"type", "line"}, {"color", "#999999"}}}, {"encoding", front}},
-       {{"mark", {{"type", "point"}, {"size", 60}, {"strokeWidth", 2}}}, {"encoding", points}},
-       {{"transform", on_front},
-        {"mark", {{"type", "point"}, {"size", 220}, {"color", "#222222"}}},
-        {"encoding", positions(chart)}}});
+  Json all = Json::array();
+  add_band(all, chart);
+  all.push_back(
+      {{"transform", on_front}, {"mark", {{"type", "line"}, {"color", "#999999"}}}, {"encoding", front}});
+  all.push_back(points(chart));
+  all.push_back({{"transform", on_front},
+                 {"mark", {{"type", "point"}, {"size", 220}, {"color", "#222222"}}},
+                 {"encoding", positions(chart)}});
+  return all;
 }
 
 }  // namespace
@@ -88,11 +121,16 @@ Json layers(const Chart& chart) {
 Json vega_chart(const Chart& chart, const measure::TradeoffReport& report) {
   Json order = Json::array();
   for (const ChartPanel& panel : chart.panels) order.push_back(panel.title);
-  Json yardsticks = Json::array();
-  for (const ChartMark& mark : chart.yardsticks) yardsticks.push_back(mark.name);
   return {{"$schema", "https://vega.github.io/schema/vega-lite/v5.json"},
-          {"title", {{"text", chart.title}, {"subtitle", {chart.subtitle, "Dashed: " + chart.floor_text}}}},
-          {"usermeta", {{"yardsticks", yardsticks}}},
+          {"background", "white"},
+          {"title",
+           {{"text", chart.title},
+            {"anchor", "start"},
+            {"offset", 12},
+            {"subtitle",
+             {chart.subtitle,
+              "Right is faster, up is fewer errors (missed, false, wrong). Rings and line: the Pareto front, "
+              "which nothing beats in both."}}}},
           {"data", {{"values", values_of(chart, report)}}},
           {"facet", {{"field", "panel"}, {"type", "nominal"}, {"title", nullptr}, {"sort", order}}},
           {"columns", 4},

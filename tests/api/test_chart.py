@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import re
 import shutil
 import signal
 import subprocess
@@ -52,6 +53,39 @@ def test_json_csv_and_vega_hold_the_same_rows(chart, tmp_path):
     assert list(lines[0]) == list(rows[0])
     vega = json.loads((tmp_path / "a.vl.json").read_text())
     assert vega["$schema"].endswith("vega-lite/v5.json") and len(vega["data"]["values"]) == len(rows)
+
+
+def fields_of(node):
+    """Every {"field": NAME} in a part of a Vega-Lite specification."""
+    if isinstance(node, dict):
+        return ({node["field"]} if "field" in node else set()).union(*map(fields_of, node.values()))
+    return set().union(*map(fields_of, node)) if isinstance(node, list) else set()
+
+
+def test_the_vega_lite_chart_has_the_data_that_it_names(chart, tmp_path):
+    done = chart("row.glb", *TINY, "-q", "--set", "edge,shadow", "-o", "a.vl.json")
+    assert done.returncode == DONE, done.stderr
+    vega = json.loads((tmp_path / "a.vl.json").read_text())
+    rows, layers = vega["data"]["values"], vega["spec"]["layer"]
+    assert vega["facet"]["sort"] == sorted({row["panel"] for row in rows}), "a panel for each class"
+    assert [panel.split(":")[0] for panel in vega["facet"]["sort"]] == ["edge", "shadow"]
+    for layer in layers:
+        values = layer.get("data", vega["data"])["values"]
+        assert values and all(fields_of(layer["encoding"]) <= set(row) for row in values), layer
+    floor, = layers[0]["data"]["values"]
+    assert floor["floor"] == 3e6 / 300 and floor["floor_text"] == "none seen: below 10 k"
+    for row in rows:
+        assert (row["height"] < floor["floor"]) == (row["errors_per_million"] == 0), "in the band, and only there"
+        assert floor["top"] <= row["height"] <= 1e6
+    for panel in vega["facet"]["sort"]:
+        assert any(row["pareto"] for row in rows if row["panel"] == panel)
+    assert sum(layer.get("transform") == [{"filter": "datum.pareto"}] for layer in layers) == 2, "a line and rings"
+    methods = {row["method"] for row in rows}
+    for channel in ("color", "shape"):
+        scale, = (layer["encoding"][channel]["scale"] for layer in layers if channel in layer["encoding"])
+        assert set(scale["domain"]) == methods and len(scale["domain"]) == len(methods) == len(scale["range"])
+    theirs = {row["method"] for row in rows if row["engine"] == "embree"}
+    assert len(theirs) == 2 and all(re.match(r"Embree \d+\.\d+\.\d+ (default|ROBUST)\b", name) for name in theirs)
 
 
 @pytest.mark.skipif(shutil.which("gnuplot") is None, reason="gnuplot is not installed")
