@@ -183,6 +183,13 @@ def test_answers_are_those_of_other_structures(load, structure):
             assert got[name].tobytes() == expected[name].tobytes(), (frame, name)
 
 
+@pytest.mark.parametrize("mesh_id, body, pointer", [
+    (0, {"weights": [1]}, ""), (1, {"weights": [1]}, "/weights"), (1, {"weights": [1, 1e39]}, "/weights"), (1, {"weights": [1, "x"]}, "/weights/1")])
+def test_wrong_weights_are_pointed_at_in_their_own_body(moving, mesh_id, body, pointer):
+    refused = moving.put(f"/meshes/{mesh_id}/weights", body)
+    assert refused.status == 422 and refused.json()["pointer"] == pointer, refused.body
+
+
 def test_missing_scenes_and_meshes(moving, client):
     assert client.put("/v1/scenes/none/pose", {}).status == 404
     assert moving.put("/meshes/7/weights", {"weights": []}).status == 404
