@@ -36,6 +36,9 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"job_result_bytes", limits.job_result_bytes},
           {"job_keep_ms", limits.job_keep_ms},
           {"job_deadline_ms", limits.job_deadline_ms},
+          {"idempotency_keys", limits.idempotency_keys},
+          {"idempotency_bytes", limits.idempotency_bytes},
+          {"idempotency_keep_ms", limits.idempotency_keep_ms},
           {"event_streams", limits.event_streams}};
 }
 

@@ -19,6 +19,8 @@ inline constexpr std::string_view kInstancesMediaType = "application/vnd.gridcas
 inline constexpr std::string_view kGlbMediaType = "model/gltf-binary";
 inline constexpr std::string_view kGltfMediaType = "model/gltf+json";
 inline constexpr std::string_view kCsvMediaType = "text/csv";
+inline constexpr std::string_view kVegaLiteMediaType = "application/vnd.vegalite.v5+json";
+inline constexpr std::string_view kSvgMediaType = "image/svg+xml";
 inline constexpr std::string_view kPngMediaType = "image/png";
 inline constexpr std::string_view kExrMediaType = "image/x-exr";
 

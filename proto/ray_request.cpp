@@ -5,6 +5,7 @@
 #include <limits>
 #include <string>
 
+#include "proto/binary_rays.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
 #include "proto/vocabulary.h"
@@ -215,37 +216,6 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, R
   return std::nullopt;
 }
 
-Problem wrong_parameter(std::string_view detail) {
-  return {ProblemCode::kUnsupportedMediaType, std::string(kRaysMediaType) + std::string(detail),
-          "Content-Type"};
-}
-
-std::optional<Problem> parse_binary(const MediaType& type, std::string_view body, const Limits& limits,
-                                    RayRequest& request) {
-  request.scalar = ScalarType::kFloat32;
-  request.columns = 6;
-  for (const auto& [name, value] : type.parameters) {
-    if (name == "dtype" && (value == "float32" || value == "float64"))
-      request.scalar = value == "float32" ? ScalarType::kFloat32 : ScalarType::kFloat64;
-    else if (name == "columns" && (value == "6" || value == "8"))
-      request.columns = value == "6" ? 6 : 8;
-    else
-      return wrong_parameter(" takes dtype=float32|float64 and columns=6|8");
-  }
-  if (body.size() > limits.binary_bytes)
-    return Problem{ProblemCode::kPayloadTooLarge,
-                   "binary rays may have at most " + std::to_string(limits.binary_bytes) + " bytes", ""};
-  const std::size_t row_bytes = request.columns * size_bytes(request.scalar);
-  if (body.size() % row_bytes != 0)
-    return Problem{ProblemCode::kWrongLength,
-                   "the body is not a whole number of rays of " + std::to_string(row_bytes) + " bytes", ""};
-  if (body.size() / row_bytes > limits.binary_rays)
-    return Problem{ProblemCode::kTooManyRays,
-                   "one request may have at most " + std::to_string(limits.binary_rays) + " rays", ""};
-  request.binary_body = std::as_bytes(std::span(body.data(), body.size()));
-  return std::nullopt;
-}
-
 }  // namespace
 
 std::optional<HitField> parse_hit_field(std::string_view name) {
@@ -273,7 +243,7 @@ Parsed<RayRequest> parse_ray_request(std::string_view content_type, std::string_
   if (type && type->essence == kJsonMediaType)
     problem = parse_json(body, limits, question, request);
   else if (type && type->essence == kRaysMediaType)
-    problem = parse_binary(*type, body, limits, request);
+    problem = parse_binary_rays(*type, body, limits, request);
   else
     problem = Problem{ProblemCode::kUnsupportedMediaType,
                       "rays come as " + std::string(kJsonMediaType) + " or " + std::string(kRaysMediaType),

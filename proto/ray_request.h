@@ -61,10 +61,11 @@ class RayRequest {
 ///    "exclude": [[instance_id, primitive_id]|null...]?, "precision"?, "fields"?, "stats"?, "deadline_ms"?}
 /// and for rays/all "max_hits"? and "after": [[t, instance_id, primitive_id]|null...]?,
 /// where a null tnear is 0 and a null tfar is unbounded. Binary (application/vnd.gridcast.rays;
-/// dtype=float32|float64; columns=6|8): little-endian row-major [N, columns]; defaults float32 and 6.
-/// rays/count is decided as by `robust`, so `fast` is a problem (invalid_value).
-/// Problems: unsupported_media_type, invalid_json, wrong_length (columns differ in length, bytes are not
-/// whole rows), too_many_rays, payload_too_large, and those of the readers.
+/// dtype=float32|float64; columns=6|8; exclude=none|ids), little-endian: with ids, uint32 [N, 2] of
+/// instance_id and primitive_id, 0xFFFFFFFF in both for none; then row-major [N, columns]; defaults float32,
+/// 6 and none. rays/count is decided as by `robust`, so `fast` is a problem (invalid_value). Problems:
+/// unsupported_media_type, invalid_json, wrong_length (columns differ in length, bytes are not whole rows),
+/// too_many_rays, payload_too_large, and those of the readers.
 [[nodiscard]] Parsed<RayRequest> parse_ray_request(std::string_view content_type, std::string_view body,
                                                    const QueryParameters& query, const Limits& limits,
                                                    RayQuestion question = RayQuestion::kClosest);

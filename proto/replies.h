@@ -28,6 +28,7 @@ struct SceneInfo {
   std::string name;
   std::uint64_t version = 1;
   std::string structure;  ///< asked for at creation: one of kStructureNames
+  std::string quality;    ///< asked for at creation: one of kBuildQualityNames
   std::size_t mesh_count = 0;
   std::size_t instance_count = 0;
   std::uint64_t world_triangle_count = 0;   ///< triangles times instances
@@ -59,8 +60,11 @@ struct SceneInfo {
 /// A bottom-level structure, in GET structure and in a mesh.
 struct MeshStructureInfo {
   std::uint32_t mesh_id = 0;
-  std::string kind;    ///< brute_force, bvh, wide_bvh, kd_tree, embree
-  std::string reason;  ///< why this kind, as a sentence
+  std::string kind;            ///< brute_force, bvh, wide_bvh, kd_tree, embree
+  std::string reason;          ///< why this kind, as a sentence
+  std::string quality_asked;   ///< of the scene: one of kBuildQualityNames
+  std::string quality;         ///< that the tree was built with
+  std::string quality_reason;  ///< why this one, as a sentence
   std::size_t triangle_count = 0;
   std::size_t node_count = 0;
   std::size_t leaf_count = 0;
@@ -69,6 +73,8 @@ struct MeshStructureInfo {
   std::size_t memory_bytes = 0;
   double cost = 0.0;
   double cost_at_build = 0.0;
+  std::optional<double> looseness;  ///< none where it is not known
+  std::optional<double> looseness_at_build;
   double build_ms = 0.0;
   std::uint32_t refits_since_build = 0;
 };

@@ -30,6 +30,7 @@ class JsonText {
     // "-0" is an integer to most readers and would lose its sign.
     if (std::is_floating_point_v<T> && value == T(0) && std::signbit(double(value))) text_.append(".0");
   }
+  [[nodiscard]] std::size_t size() const { return text_.size(); }
   [[nodiscard]] std::string take() && { return std::move(text_); }
 
  private:

@@ -110,7 +110,7 @@ bool is_scene_name(std::string_view name) {
 }
 
 Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits& limits) {
-  QueryReader reader(query, {"name", "structure", "scene"});
+  QueryReader reader(query, {"name", "structure", "quality", "scene"});
   SceneQuery scene;
   if (const std::string* name = reader.find("name")) {
     scene.name = *name;
@@ -118,6 +118,7 @@ Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits&
       reader.fail(ProblemCode::kInvalidValue, "name", std::string(kSceneNameRule));
   }
   scene.structure = reader.choice("structure", kStructureNames, scene.structure);
+  scene.quality = reader.choice("quality", kBuildQualityNames, scene.quality);
   if (reader.find("scene") != nullptr)
     scene.gltf_scene = std::uint32_t(reader.integer("scene", 0, kInvalidId - 1, 0));
   if (reader.problem()) return *reader.problem();

@@ -22,10 +22,11 @@ namespace gridcast::proto {
 inline constexpr std::size_t kMaxSceneNameBytes = 64;
 [[nodiscard]] bool is_scene_name(std::string_view name);
 
-/// POST /v1/scenes?name=&structure=&scene= beside any body.
+/// POST /v1/scenes?name=&structure=&quality=&scene= beside any body.
 struct SceneQuery {
   std::string name;                         ///< empty: the server makes one
   std::string structure = "auto";           ///< one of kStructureNames
+  std::string quality = "default";          ///< one of kBuildQualityNames
   std::optional<std::uint32_t> gltf_scene;  ///< which scene of the document; none = its default
 };
 [[nodiscard]] Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits& limits);

@@ -14,6 +14,8 @@ inline constexpr std::array<std::string_view, 6> kStructureNames{"auto",     "br
 /// Structures that can be named for a comparison: what "auto" would choose is one of them.
 inline constexpr std::array<std::string_view, 5> kBuiltStructureNames{"brute_force", "bvh", "wide_bvh",
                                                                       "kd_tree", "embree"};
+/// How a tree is built: for the best rays, or sooner.
+inline constexpr std::array<std::string_view, 2> kBuildQualityNames{"default", "fast"};
 using gridcast::kPrecisionNames;
 inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit", "rebuild"};
 /// What a pose begins with; what a time outside of an animation means.

@@ -32,6 +32,8 @@ Api::Api(const proto::Limits& limits_in_force, std::size_t thread_count,
       store(limits.scenes, archive.get(), &trees),
       gate(thread_count + 1),
       update_gate(thread_count + 1),
+      kept_answers(limits.idempotency_keys, limits.idempotency_bytes,
+                   std::chrono::duration<double, std::milli>(limits.idempotency_keep_ms)),
       threads(thread_count),
       jobs(limits, gate, job_workers(thread_count), log_job) {}
 

@@ -13,6 +13,7 @@
 #include "proto/limits.h"
 #include "server/http_types.h"
 #include "server/jobs.h"
+#include "server/kept_answers.h"
 #include "server/metrics.h"
 #include "server/router.h"
 #include "server/scene_store.h"
@@ -32,6 +33,7 @@ struct Api {
   WorkGate update_gate{1};
   /// Measurements of tradeoffs, waiting or at work: two at once would time each other.
   WorkGate tradeoff_gate{1};
+  KeptAnswers kept_answers;
   std::size_t threads = 1;
   std::function<std::size_t()> requests_in_flight = [] { return std::size_t(0); };
   std::function<bool()> ready = [] { return true; };
@@ -87,7 +89,8 @@ class Timing {
 [[nodiscard]] bool wants_job(const HttpRequest& request);
 /// The result of a job that is done, in the form that `accept` (an Accept header) likes best; else why there
 /// is none.
-[[nodiscard]] HttpResponse result_response(const Job& job, std::string_view accept);
+[[nodiscard]] HttpResponse result_response(Api& api, const Job& job, std::string_view accept,
+                                           const Cancellation& cancellation);
 /// Queues `work` and answers 202 with the job; with `Prefer: wait=SECONDS` its result when it comes in time.
 [[nodiscard]] HttpResponse answer_with_job(Api& api, const HttpRequest& request,
                                            const Cancellation& cancellation, JobSubject subject,
@@ -98,6 +101,10 @@ class Timing {
 [[nodiscard]] std::variant<scene::UpdateResult, proto::Problem> update_scene(
     Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
     const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of);
+
+/// The handler of a request that changes something: with an Idempotency-Key it does its work once, and who
+/// sends the same again gets the same answer.
+[[nodiscard]] Handler once_per_key(Api& api, Handler handler);
 
 /// A pointer of core into the one edit of a request, as a pointer into the request: "/edits/0/rest" ->
 /// "/rest". Core's world_from_object is the wire's transform.

@@ -19,6 +19,12 @@ void add_file_options(CLI::App& command, FileOptions& options) {
   command.add_option("--split", options.split, "How a BVH splits: midpoint, median or sah")
       ->capture_default_str()
       ->check(CLI::IsMember({"midpoint", "median", "sah"}));
+  command
+      .add_option("--quality", options.quality,
+                  "How a BVH is built: default, for the best rays, or fast, in about half the time")
+      ->capture_default_str()
+      ->check(CLI::IsMember(
+          std::vector<std::string>(proto::kBuildQualityNames.begin(), proto::kBuildQualityNames.end())));
   command.add_option("--scene-index", options.scene_index,
                      "Which scene of the file; without it the file's default scene");
   command.add_option("--threads", options.threads, "Threads to use; 0 = every core")
@@ -33,6 +39,7 @@ std::optional<LoadedScene> load_for_command(const FileOptions& options, const st
   LoadOptions load;
   load.blas.kind = blas::parse_structure_kind(options.structure).value();
   load.blas.split = blas::parse_bvh_split(options.split).value();
+  load.blas.quality = blas::parse_build_quality(options.quality).value();
   load.gltf.scene_index = options.scene_index;
   load.stop = stop;
   load.progress = bar.callback();

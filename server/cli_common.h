@@ -28,6 +28,7 @@ struct FileOptions {
   std::string path;
   std::string structure = "auto";
   std::string split = "sah";
+  std::string quality = "default";
   std::optional<std::uint32_t> scene_index;
   std::size_t threads = 0;
   bool quiet = false;

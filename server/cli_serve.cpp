@@ -89,6 +89,9 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
   add("--max-job-result-bytes", limits.job_result_bytes, "Results of ended jobs, all together");
   add("--job-keep-ms", limits.job_keep_ms, "How long an ended job is kept");
   add("--job-deadline-ms", limits.job_deadline_ms, "A job's work, without the wait in the queue");
+  add("--max-idempotency-keys", limits.idempotency_keys, "Answers kept for those who ask again");
+  add("--max-idempotency-bytes", limits.idempotency_bytes, "Of all of them together");
+  add("--idempotency-keep-ms", limits.idempotency_keep_ms, "How long such an answer is kept");
   add("--max-event-streams", limits.event_streams,
       "Streams of events at once; at most a quarter of the connections");
 }

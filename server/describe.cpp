@@ -29,6 +29,20 @@ proto::SceneInfo::Rig rig_info(const scene::SceneData& data) {
   return rig;
 }
 
+/// Why a tree has the quality that it has.
+std::string quality_reason(const blas::Blas& blas, blas::BuildQuality asked) {
+  const blas::StructureKind kind = blas.stats().kind;
+  if (kind != blas::StructureKind::kBvh && kind != blas::StructureKind::kWideBvh)
+    return "a " + std::string(to_string(kind)) + " is built in one way";
+  if (blas.options().quality == asked) return "asked for";
+  return "rebuilt by an update, in Morton order: more than " + std::to_string(scene::kFastRebuildTriangles) +
+         " triangles";
+}
+
+std::optional<double> known(double looseness) {
+  return looseness > 0.0 ? std::optional(looseness) : std::nullopt;
+}
+
 proto::MeshInfo mesh_info_without_topology(const scene::Scene& scene, std::uint32_t mesh_id,
                                            std::size_t instance_count) {
   const mesh::TriangleMesh& mesh = scene.blas(mesh_id).mesh();
@@ -58,6 +72,7 @@ proto::SceneInfo scene_info(const std::string& id, const SceneOrigin& origin, co
   info.name = scene.data().name.empty() ? id : scene.data().name;
   info.version = scene.version();
   info.structure = origin.structure;
+  info.quality = to_string(scene.blas_options().quality);
   info.mesh_count = scene.mesh_count();
   info.instance_count = scene.instance_count();
   info.world_triangle_count = scene.world_triangle_count();
@@ -75,11 +90,15 @@ proto::SceneInfo scene_info(const std::string& id, const SceneOrigin& origin, co
 }
 
 proto::MeshStructureInfo mesh_structure_info(const scene::Scene& scene, std::uint32_t mesh_id) {
-  const blas::Blas& tree = scene.blas(mesh_id);
-  const blas::StructureStats& stats = tree.stats();
+  const blas::Blas& blas = scene.blas(mesh_id);
+  const blas::StructureStats& stats = blas.stats();
+  const blas::BuildQuality asked = scene.blas_options().quality;
   return {mesh_id,
           std::string(to_string(stats.kind)),
-          scene::reason_of(tree, scene.blas_options().quality),
+          scene::reason_of(blas, asked),
+          std::string(to_string(asked)),
+          std::string(to_string(blas.options().quality)),
+          quality_reason(blas, asked),
           stats.triangle_count,
           stats.node_count,
           stats.leaf_count,
@@ -88,6 +107,8 @@ proto::MeshStructureInfo mesh_structure_info(const scene::Scene& scene, std::uin
           stats.memory_bytes,
           stats.cost,
           stats.cost_at_build,
+          known(stats.looseness),
+          known(stats.looseness_at_build),
           stats.build_ms,
           stats.refits_since_build};
 }

@@ -82,7 +82,9 @@ int spawn(pid_t& child, char* const* arguments, const MemoryFile& in, const Memo
   posix_spawn_file_actions_adddup2(&files, in.descriptor(), STDIN_FILENO);
   posix_spawn_file_actions_adddup2(&files, out.descriptor(), STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&files, messages.descriptor(), STDERR_FILENO);
-  // Our threads block the signals that one of them waits for; the child is to be ended by them.
+  // Whoever waits for the end of a connection of ours does not wait for the child.
+  posix_spawn_file_actions_addclosefrom_np(&files, STDERR_FILENO + 1);
+  // Our threads block the signals that one of them waits for; the child takes them.
   sigset_t none;
   sigemptyset(&none);
   posix_spawnattr_setsigmask(&attributes, &none);
@@ -97,7 +99,8 @@ int spawn(pid_t& child, char* const* arguments, const MemoryFile& in, const Memo
 bool wait_for(pid_t child, const std::stop_token& stop) {
   {
     // It stays a zombie until it is reaped below, so the number cannot become another process's.
-    const std::stop_callback end_it(stop, [child] { kill(child, SIGTERM); });
+    // It has nothing to tidy up, and nothing that it does can hold this one back.
+    const std::stop_callback end_it(stop, [child] { kill(child, SIGKILL); });
     siginfo_t info{};
     while (waitid(P_PID, id_t(child), &info, WEXITED | WNOWAIT) != 0 && errno == EINTR) {
     }

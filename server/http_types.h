@@ -11,8 +11,10 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
+#include "proto/error_table.h"
 #include "proto/query.h"
 
 namespace gridcast::server {
@@ -40,6 +42,8 @@ struct HttpRequest {
 };
 
 class Cancellation;
+/// A body that is made when it is asked for, or what kept it from being made.
+using MakeBody = std::function<std::variant<std::string, proto::Problem>(const Cancellation&)>;
 /// Sends a part of a streamed body; false when the client is gone or too slow.
 using WritePart = std::function<bool(std::string_view)>;
 /// Makes a body while it is sent. Returns at its end, soon after a failed write or when cancelled (client
@@ -55,6 +59,7 @@ struct HttpResponse {
   /// The same answer in other media types: whoever keeps it may give one of them instead.
   struct Form {
     std::string content_type, body;
+    MakeBody make = nullptr;  ///< when set, the body, anew at each request; `body` is empty
   };
   std::vector<Form> other_forms = {};
 

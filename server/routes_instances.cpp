@@ -119,15 +119,18 @@ void add_instance_routes(Router& router, Api& api) {
   const std::string one = all + "/{i}";
   router.add(
       {"GET", all, {}, [&api](const HttpRequest& r, Cancellation&) { return list_instances(api, r); }});
-  router.add(
-      {"POST", all, json, [&api](const HttpRequest& r, Cancellation& c) { return add_instance(api, r, c); }});
+  router.add({"POST", all, json, once_per_key(api, [&api](const HttpRequest& r, Cancellation& c) {
+                return add_instance(api, r, c);
+              })});
   const std::vector<AcceptedBody> moves{{std::string(proto::kJsonMediaType), api.limits.json_bytes},
                                         {std::string(proto::kInstancesMediaType), api.limits.binary_bytes}};
-  router.add({"PATCH", all, moves,
-              [&api](const HttpRequest& r, Cancellation& c) { return move_instances(api, r, c); }});
+  router.add({"PATCH", all, moves, once_per_key(api, [&api](const HttpRequest& r, Cancellation& c) {
+                return move_instances(api, r, c);
+              })});
   router.add({"GET", one, {}, [&api](const HttpRequest& r, Cancellation&) { return get_instance(api, r); }});
-  router.add({"PATCH", one, json,
-              [&api](const HttpRequest& r, Cancellation& c) { return move_instance(api, r, c); }});
+  router.add({"PATCH", one, json, once_per_key(api, [&api](const HttpRequest& r, Cancellation& c) {
+                return move_instance(api, r, c);
+              })});
   router.add({"DELETE", one, {}, [&api](const HttpRequest& r, Cancellation& c) {
                 return remove_instance(api, r, c);
               }});

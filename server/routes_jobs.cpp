@@ -62,8 +62,18 @@ HttpResponse get_job(const Api& api, const HttpRequest& request) {
   return job_json(job, job.view(), 200);
 }
 
+/// Makes the body of a form that has none yet; a child process may work for it, so it takes a place.
+std::variant<std::string, Problem> body_of(Api& api, HttpResponse::Form form,
+                                           const Cancellation& cancellation) {
+  if (!form.make) return std::move(form.body);
+  const auto permit = api.gate.enter(cancellation.token());
+  if (!permit) return cancelled_problem(cancellation.reason());
+  return form.make(cancellation);
+}
+
 /// A result of one form is given whatever `accept` says: it was negotiated when the job was started.
-HttpResponse in_accepted_form(HttpResponse result, std::string_view accept) {
+HttpResponse in_accepted_form(Api& api, HttpResponse result, std::string_view accept,
+                              const Cancellation& cancellation) {
   if (result.other_forms.empty()) return result;
   std::vector<std::string_view> offered{result.content_type};
   for (const HttpResponse::Form& form : result.other_forms) offered.push_back(form.content_type);
@@ -75,17 +85,20 @@ HttpResponse in_accepted_form(HttpResponse result, std::string_view accept) {
   }
   if (*chosen > 0) {
     HttpResponse::Form form = std::move(result.other_forms[*chosen - 1]);
-    result.content_type = std::move(form.content_type);
-    result.body = std::move(form.body);
+    result.content_type = form.content_type;
+    auto body = body_of(api, std::move(form), cancellation);
+    if (const auto* problem = std::get_if<Problem>(&body)) return problem_response(*problem);
+    result.body = std::get<std::string>(std::move(body));
   }
   result.other_forms.clear();
   return result;
 }
 
-HttpResponse get_result(const Api& api, const HttpRequest& request) {
+HttpResponse get_result(Api& api, const HttpRequest& request, const Cancellation& cancellation) {
   const auto opened = open_job(api, request);
   if (const auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
-  return result_response(*std::get<std::shared_ptr<Job>>(opened), request.header("accept"));
+  return result_response(api, *std::get<std::shared_ptr<Job>>(opened), request.header("accept"),
+                         cancellation);
 }
 
 HttpResponse delete_job(Api& api, const HttpRequest& request) {
@@ -154,11 +167,12 @@ bool wants_job(const HttpRequest& request) {
   return proto::parse_prefer(request.header("prefer")).respond_async;
 }
 
-HttpResponse result_response(const Job& job, std::string_view accept) {
+HttpResponse result_response(Api& api, const Job& job, std::string_view accept,
+                             const Cancellation& cancellation) {
   const JobView view = job.view();
   switch (view.state) {
     case JobState::kDone:
-      return in_accepted_form(*view.result, accept);
+      return in_accepted_form(api, *view.result, accept, cancellation);
     case JobState::kFailed:
       return problem_response(*view.problem);
     case JobState::kCancelled:
@@ -184,7 +198,8 @@ HttpResponse answer_with_job(Api& api, const HttpRequest& request, const Cancell
         job->wait_final(std::min(Clock::now() + wait, cancellation.deadline()), cancellation.token());
     // Nobody knows the job's name when its client has gone.
     if (cancellation.reason() == CancelReason::kDisconnected) (void)api.jobs.remove(job->id());
-    if (view && view->result) return in_accepted_form(*view->result, request.header("accept"));
+    if (view && view->result)
+      return in_accepted_form(api, *view->result, request.header("accept"), cancellation);
     if (view && view->problem) return problem_response(*view->problem);
   }
   HttpResponse response = job_json(*job, job->view(), 202);
@@ -197,8 +212,8 @@ void add_job_routes(Router& router, Api& api) {
   const std::string one = "/v1/jobs/{j}";
   router.add({"GET", one, {}, [&api](const HttpRequest& r, Cancellation&) { return get_job(api, r); }});
   router.add({"DELETE", one, {}, [&api](const HttpRequest& r, Cancellation&) { return delete_job(api, r); }});
-  router.add({"GET", one + "/result", {}, [&api](const HttpRequest& r, Cancellation&) {
-                return get_result(api, r);
+  router.add({"GET", one + "/result", {}, [&api](const HttpRequest& r, const Cancellation& c) {
+                return get_result(api, r, c);
               }});
   router.add({"GET", one + "/events", {}, [&api](const HttpRequest& r, Cancellation&) {
                 return get_events(api, r);

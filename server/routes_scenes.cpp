@@ -19,6 +19,7 @@ std::variant<LoadedScene, Problem> load(const Api& api, const HttpRequest& reque
                                         const Cancellation& cancellation) {
   LoadOptions options;
   options.blas.kind = blas::parse_structure_kind(query.structure).value();
+  options.blas.quality = blas::parse_build_quality(query.quality).value();
   options.gltf.scene_index = query.gltf_scene;
   options.gltf.limits.file_bytes = api.limits.glb_bytes;
   options.stop = cancellation.token();
@@ -138,21 +139,23 @@ void add_scene_routes(Router& router, Api& api) {
   const std::size_t model_bytes = api.limits.glb_bytes;
   router.add(
       {"GET", "/v1/scenes", {}, [&api](const HttpRequest& r, Cancellation&) { return list_scenes(api, r); }});
-  router.add({"POST",
-              "/v1/scenes",
-              {{std::string(proto::kGlbMediaType), model_bytes},
-               {std::string(proto::kGltfMediaType), model_bytes},
-               {std::string(proto::kJsonMediaType), api.limits.json_bytes}},
-              [&api](const HttpRequest& r, Cancellation& c) { return create_scene(api, r, c); }});
+  router.add(
+      {"POST",
+       "/v1/scenes",
+       {{std::string(proto::kGlbMediaType), model_bytes},
+        {std::string(proto::kGltfMediaType), model_bytes},
+        {std::string(proto::kJsonMediaType), api.limits.json_bytes}},
+       once_per_key(api, [&api](const HttpRequest& r, Cancellation& c) { return create_scene(api, r, c); })});
   router.add({"GET", "/v1/scenes/{s}", {}, [&api](const HttpRequest& r, Cancellation&) {
                 return get_scene(api, r);
               }});
   router.add({"DELETE", "/v1/scenes/{s}", {}, [&api](const HttpRequest& r, Cancellation&) {
                 return delete_scene(api, r);
               }});
-  router.add({"POST", "/v1/scenes/{s}:fork", {}, [&api](const HttpRequest& r, Cancellation&) {
-                return fork_scene(api, r);
-              }});
+  router.add(
+      {"POST", "/v1/scenes/{s}:fork", {}, once_per_key(api, [&api](const HttpRequest& r, Cancellation&) {
+         return fork_scene(api, r);
+       })});
   router.add({"GET", "/v1/scenes/{s}/structure", {}, [&api](const HttpRequest& r, Cancellation&) {
                 return get_structure(api, r);
               }});

@@ -7,6 +7,7 @@
 #include "proto/tradeoff_request.h"
 #include "server/api.h"
 #include "server/problem.h"
+#include "server/tradeoff_forms.h"
 #include "server/tradeoff_json.h"
 
 namespace gridcast::server {
@@ -20,8 +21,11 @@ constexpr std::string_view kJobKind = "tradeoffs";
 struct Extension {
   std::string_view name, media_type;
 };
-constexpr std::array kExtensions{Extension{".json", proto::kJsonMediaType},
-                                 Extension{".csv", proto::kCsvMediaType}};
+/// The longest of a common end first.
+constexpr std::array kExtensions{
+    Extension{".vl.json", proto::kVegaLiteMediaType}, Extension{".json", proto::kJsonMediaType},
+    Extension{".csv", proto::kCsvMediaType}, Extension{".svg", proto::kSvgMediaType},
+    Extension{".png", proto::kPngMediaType}};
 
 /// The engine's options of a checked request, whose names cannot fail to parse.
 measure::TradeoffOptions options_of(const proto::TradeoffRequest& request) {
@@ -98,7 +102,7 @@ JobOutcome measure_sweep(const Api& api, const Sweep& sweep, Cancellation& cance
                  {"other_work", others},
                  {"contended", others > 0}};
   HttpResponse response{200, std::string(proto::kJsonMediaType), json.dump(), {}};
-  response.other_forms.push_back({std::string(proto::kCsvMediaType), tradeoff_csv(*report)});
+  response.other_forms = tradeoff_forms(*report, sweep.scene_id);
   return response.with("Scene-Version", std::to_string(sweep.scene->version()));
 }
 
@@ -126,7 +130,7 @@ HttpResponse post_tradeoffs(Api& api, const HttpRequest& request, const Cancella
 }
 
 /// .../tradeoffs/{job}, with an extension to choose the form in place of Accept.
-HttpResponse get_tradeoffs(const Api& api, const HttpRequest& request) {
+HttpResponse get_tradeoffs(Api& api, const HttpRequest& request, const Cancellation& cancellation) {
   if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
   std::string id = request.capture("t");
   std::string accept = request.header("accept");
@@ -140,7 +144,7 @@ HttpResponse get_tradeoffs(const Api& api, const HttpRequest& request) {
   if (!job || job->subject().kind != kJobKind || job->subject().scene != request.capture("s"))
     return problem_response(
         {ProblemCode::kJobNotFound, "there is no such measurement of this scene, or it is forgotten", ""});
-  return result_response(*job, accept);
+  return result_response(api, *job, accept, cancellation);
 }
 
 }  // namespace
@@ -151,8 +155,8 @@ void add_tradeoff_routes(Router& router, Api& api) {
               all,
               {{std::string(proto::kJsonMediaType), api.limits.json_bytes}},
               [&api](const HttpRequest& r, const Cancellation& c) { return post_tradeoffs(api, r, c); }});
-  router.add({"GET", all + "/{t}", {}, [&api](const HttpRequest& r, Cancellation&) {
-                return get_tradeoffs(api, r);
+  router.add({"GET", all + "/{t}", {}, [&api](const HttpRequest& r, const Cancellation& c) {
+                return get_tradeoffs(api, r, c);
               }});
 }
 

@@ -111,7 +111,9 @@ void add_transaction_routes(Router& router, Api& api) {
   router.add({"POST",
               "/v1/scenes/{s}/transactions",
               {{std::string(proto::kJsonMediaType), api.limits.json_bytes}},
-              [&api](const HttpRequest& r, Cancellation& c) { return post_transaction(api, r, c); }});
+              once_per_key(api, [&api](const HttpRequest& r, Cancellation& c) {
+                return post_transaction(api, r, c);
+              })});
 }
 
 }  // namespace gridcast::server

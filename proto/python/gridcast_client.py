@@ -4,6 +4,8 @@
     scene = server.create_scene("engine.glb", name="engine")
     hits = scene.closest(origins, directions)          # float arrays [N, 3] in world space
     hits["t"], hits["instance_id"], hits["normal"]     # [N], [N], [N, 3]
+    start = np.column_stack([hits["instance_id"], hits["primitive_id"]])
+    scene.occluded(points, to_light, exclude=start)    # shadow rays: bool [N]
     scene.move({4: matrix})                            # [3, 4] or [4, 4], world from object
     open("picture.png", "wb").write(scene.render(width_px=800, height_px=600))
 
@@ -61,8 +63,9 @@ def decode_columns(body):
     return columns, metadata
 
 
-def encode_rays(origins, directions, tnear=None, tfar=None, dtype=np.float64):
-    """(media type, bytes) of rays: origins and directions [N, 3] or [3], tnear and tfar [N] or scalars."""
+def encode_rays(origins, directions, tnear=None, tfar=None, dtype=np.float64, exclude=None):
+    """(media type, bytes) of rays: origins and directions [N, 3] or [3], tnear and tfar [N] or scalars, exclude
+    [N, 2] or [2]: the instance_id and primitive_id that each ray must not hit, NO_ID in both for none."""
     origins, directions = np.broadcast_arrays(np.atleast_2d(origins), np.atleast_2d(directions))
     count = len(origins)
     if tnear is None and tfar is None:
@@ -75,7 +78,11 @@ def encode_rays(origins, directions, tnear=None, tfar=None, dtype=np.float64):
     if kind not in (np.float32, np.float64):
         raise ValueError("rays are float32 or float64")
     media_type = f"{RAYS_TYPE}; dtype={kind.name}; columns={rows.shape[1]}"
-    return media_type, np.ascontiguousarray(rows, kind.newbyteorder("<")).tobytes()
+    body = np.ascontiguousarray(rows, kind.newbyteorder("<")).tobytes()
+    if exclude is None:
+        return media_type, body
+    ids = np.ascontiguousarray(np.broadcast_to(exclude, (count, 2)), "<u4")
+    return media_type + "; exclude=ids", ids.tobytes() + body
 
 
 class Service:
@@ -122,10 +129,10 @@ class Service:
         """A job that was started before."""
         return Job(self, job_id)
 
-    def create_scene(self, glb, name=None, structure=None, gltf_scene=None):
-        """A new scene of a GLB: a path, or its bytes."""
+    def create_scene(self, glb, name=None, structure=None, gltf_scene=None, quality=None):
+        """A new scene of a GLB: a path, or its bytes. quality="fast" builds sooner, for somewhat slower rays."""
         data = glb if isinstance(glb, (bytes, bytearray)) else Path(glb).read_bytes()
-        query = {"name": name, "structure": structure, "scene": gltf_scene}
+        query = {"name": name, "structure": structure, "quality": quality, "scene": gltf_scene}
         return self._create(query, bytes(data), "model/gltf-binary")
 
     def create_empty(self, name):
@@ -223,9 +230,10 @@ class Scene:
         """Forgets the scene on the server."""
         self._call("DELETE", "", if_version=if_version)
 
-    def closest(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, precision=None, fields=None,
-                deadline_ms=None):
-        """Closest hits of rays: origins and directions [N, 3]; tnear and tfar [N], scalars or None.
+    def closest(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, precision=None,
+                fields=None, deadline_ms=None):
+        """Closest hits of rays: origins and directions [N, 3]; tnear and tfar [N], scalars or None; exclude [N, 2],
+        the instance_id and primitive_id that each ray starts on and must not hit, NO_ID in both for none.
 
         Returns {"t": f8 [N], "status": u1 [N], "instance_id", "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2],
         "normal": f4 [N, 3]}, or status, t and the `fields` asked for. `fields=["t_error"]` adds a certified bound,
@@ -233,28 +241,29 @@ class Scene:
         """
         query = {"precision": precision, "fields": ",".join(fields) if fields is not None else None,
                  "deadline_ms": deadline_ms}
-        return self._rays("closest", encode_rays(origins, directions, tnear, tfar, dtype), query)
+        return self._rays("closest", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
 
-    def occluded(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, precision=None,
+    def occluded(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, precision=None,
                  deadline_ms=None):
         """Whether anything lies on each ray: bool [N]. Invalid rays are not occluded."""
         query = {"precision": precision, "deadline_ms": deadline_ms}
-        columns = self._rays("any", encode_rays(origins, directions, tnear, tfar, dtype), query)
+        columns = self._rays("any", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
         return columns["status"] == 1
 
-    def all_hits(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, max_hits=None, precision=None,
-                 fields=None, deadline_ms=None):
+    def all_hits(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, max_hits=None,
+                 precision=None, fields=None, deadline_ms=None):
         """Every hit of every ray, by (t, instance_id, primitive_id): the columns of closest, a row per hit, with
         "status" u1 [N] (3: there are more than max_hits) and "splits" u8 [N + 1]: the hits of ray i are rows
         splits[i]:splits[i + 1]."""
         query = {"max_hits": max_hits, "precision": precision, "fields": ",".join(fields) if fields is not None else None,
                  "deadline_ms": deadline_ms}
-        return self._rays("all", encode_rays(origins, directions, tnear, tfar, dtype), query)
+        return self._rays("all", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
 
-    def count_hits(self, origins, directions, tnear=None, tfar=None, *, dtype=np.float64, deadline_ms=None):
+    def count_hits(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, deadline_ms=None):
         """{"count": triangles hit, "crossings": passages through a surface u4 [N], "winding": passages out less
         passages in i4 [N], "status": u1 [N]}."""
-        return self._rays("count", encode_rays(origins, directions, tnear, tfar, dtype), {"deadline_ms": deadline_ms})
+        rays = encode_rays(origins, directions, tnear, tfar, dtype, exclude)
+        return self._rays("count", rays, {"deadline_ms": deadline_ms})
 
     def closest_points(self, points, max_distance=None, deadline_ms=None):
         """The nearest surface points of points [N, 3]: {"distance": f8 [N], "position": f8 [N, 3], "instance_id",
@@ -289,8 +298,9 @@ class Scene:
         return Job(self.service, json.loads(body)["id"])
 
     def start_tradeoffs(self, **settings):
-        """Measures speed and accuracy of structures and precisions on this scene, by a job: JSON, or CSV with
-        job.result("text/csv"). Settings: ray_classes, structures, precisions, accuracy_rays, speed_rays, repeat,
+        """Measures speed and accuracy of structures and precisions on this scene, by a job: JSON, or with
+        job.result("text/csv") CSV; "image/svg+xml" and "image/png" give a chart, "application/vnd.vegalite.v5+json" the
+        same for a page. Settings: ray_classes, structures, precisions, accuracy_rays, speed_rays, repeat,
         threads, seed, deadline_ms. One at a time: GridcastError with code "too_many_jobs" while another is made."""
         body, _ = self.service.request("POST", self.path + "/tradeoffs", settings)
         return Job(self.service, json.loads(body)["id"])
@@ -355,6 +365,11 @@ class Scene:
     def remove_instance(self, instance_id, if_version=None):
         """Removes an instance; its id stays unused."""
         self._call("DELETE", f"/instances/{instance_id}", if_version=if_version)
+
+    def vertices(self, mesh_id):
+        """Object-space positions of a mesh's vertices as they stand, deformed or posed: f4 [N, 3]."""
+        body = self._call("GET", f"/meshes/{mesh_id}/vertices", accept=VERTICES_TYPE)
+        return np.frombuffer(body, "<f4").reshape(-1, 3)
 
     def replace_vertices(self, mesh_id, positions, vertex_ids=None, update="auto", if_version=None):
         """New object-space positions [N, 3] of all vertices, or [K, 3] of those in `vertex_ids` [K].

@@ -42,6 +42,19 @@ def test_it_casts_and_gives_the_bits_of_the_wire(row, client, library):
     assert near["status"].tolist() == [0]
 
 
+def test_rays_exclude_what_they_start_on(row, library):
+    down = ([[0.1, 10, 0.2], [0.1, 10, 0.2], [0, 30, 90]], [0, -1, 0])
+    first = row.closest(*down)
+    start = np.column_stack([first["instance_id"], first["primitive_id"]])
+    assert start[2].tolist() == [library.NO_ID] * 2, "a miss excludes nothing"
+    start[1] = library.NO_ID
+    again = row.closest(*down, exclude=start)
+    assert again["t"][0] > first["t"][0] and again["t"][1:].tolist() == first["t"][1:].tolist()
+    assert row.occluded(*down, tfar=9.5, exclude=start).tolist() == [False, True, False]
+    assert row.count_hits(*down, exclude=start)["count"].tolist() == [3, 4, 0]
+    assert row.all_hits(*down, exclude=start)["splits"].tolist() == [0, 3, 7, 7]
+
+
 def test_it_lists_counts_and_asks_about_points(row):
     down = ([0.1, 10, 0.2], [0, -1, 0])
     lists = row.all_hits(*down, max_hits=1)
@@ -61,6 +74,7 @@ def test_it_moves_deforms_and_renders(row):
     assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(7.0)
     positions = models.sphere()[0] * np.float32(2.0)
     row.replace_vertices(0, positions)
+    assert np.array_equal(row.vertices(0), positions)
     assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(6.0)
     picture = row.render(width_px=32, height_px=24)
     assert picture.startswith(b"\x89PNG")

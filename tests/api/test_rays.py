@@ -171,6 +171,38 @@ def test_each_ray_excludes_a_primitive_of_its_own_in_closest_and_any(box):
     assert box.post("/rays/any", body | exclude).json()["status"] == [0, 1, 1]
 
 
+@pytest.mark.parametrize("dtype, columns", [("float32", 6), ("float64", 8)])
+def test_excluded_primitives_in_binary_give_the_bits_of_json(spheres, dtype, columns):
+    rays = models.random_rays(600, seed=8, dtype="<f4").astype("<f8")
+    first = spheres.cast(rays).columns()
+    exclude = np.column_stack([first["instance_id"], first["primitive_id"]]).astype("<u4")
+    exclude[::7] = NONE
+    rows = rays if columns == 6 else np.insert(np.insert(rays, 3, 0.0, axis=1), 7, np.inf, axis=1)
+    body = exclude.tobytes() + rows.astype(f"<f{int(dtype[-2:]) // 8}").tobytes()
+    kind = f"{RAYS}; dtype={dtype}; columns={columns}; exclude=ids"
+    members = {"exclude": [None if row[0] == NONE else row.tolist() for row in exclude]}
+    text = json_columns(spheres.cast_json(rays, **members).json())
+    binary = spheres.post("/rays/closest", body, kind, accept=HITS).columns()
+    for name in binary:
+        assert binary[name].tobytes() == text[name].tobytes(), name
+    changed = (binary["t"] != first["t"]).sum()
+    assert changed > 100 and changed <= (exclude[:, 0] != NONE).sum()
+    for question in ("any", "all", "count"):
+        told = spheres.cast_json(rays, question, **members).json()
+        assert spheres.post(f"/rays/{question}", body, kind, accept=JSON).json() == told, question
+
+
+def test_wrong_exclusions_in_binary_are_refused(box):
+    ray = models.rays_down([[0, 0]]).tobytes()
+    kind = f"{RAYS}; dtype=float64; columns=6; exclude="
+    half = np.array([0, NONE], "<u4").tobytes()
+    assert box.post("/rays/closest", half + ray, kind + "ids").problem() == ("out_of_range", "/exclude/0")
+    assert box.post("/rays/closest", ray, kind + "ids").problem() == ("wrong_length", "")
+    assert box.post("/rays/closest", ray, kind + "yes").problem() == ("unsupported_media_type", "Content-Type")
+    unknown = np.array([77, 12345], "<u4").tobytes()
+    assert box.post("/rays/closest", unknown + ray, kind + "ids", accept=JSON).json()["t"] == [9.0]
+
+
 def test_answers_carry_version_and_timing(box):
     reply = box.cast(models.rays_down([[0, 0]]), stats="true")
     assert reply.version() == 1

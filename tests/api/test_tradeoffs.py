@@ -3,7 +3,11 @@
 import csv
 import io
 import json
+import shutil
+import socket
 import time
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -11,6 +15,7 @@ import pytest
 
 import contract
 import models
+from conftest import wait_until
 from test_jobs import events, finish, wait_running
 
 CLASSES = ["random", "edge", "vertex", "grazing", "axis", "coherent", "diffuse", "shadow"]
@@ -19,7 +24,7 @@ PRECISIONS = ["fast", "robust", "exact"]
 SMALL = {"accuracy_rays": 600, "speed_rays": 500, "repeat": 1}
 QUICK = SMALL | {"ray_classes": ["random"], "structures": ["wide_bvh"], "precisions": ["robust"]}
 LONG = {"ray_classes": ["vertex"], "accuracy_rays": 20000, "speed_rays": 1000000, "repeat": 20, "precisions": ["exact"]}
-CSV = "text/csv"
+CSV, SVG, PNG, VEGA = "text/csv", "image/svg+xml", "image/png", "application/vnd.vegalite.v5+json"
 
 
 @pytest.fixture
@@ -135,8 +140,97 @@ def test_the_result_comes_as_json_or_csv(client, ball):
         assert all((cells[key] == "") == (value is None) for key, value in row.items())
         assert float(cells["mrays_per_s"]) == row["mrays_per_s"]
     for where in (ball.path + below, path + "/result"):
-        refused = client.get(where, accept="image/png")
+        refused = client.get(where, accept="image/gif")
         assert refused.status == 406 and refused.problem() == ("not_acceptable", "Accept")
+
+
+def test_the_chart_comes_as_vega_lite_with_its_data(client, ball):
+    path = start(ball, QUICK)
+    job = finish(client, path)["id"]
+    chart = ball.get(f"/tradeoffs/{job}.vl.json")
+    assert chart.content_type == VEGA and chart.version() == 1
+    assert client.get(path + "/result", accept=VEGA).body == chart.body
+    assert chart.json()["title"]["text"] == "Speed against accuracy: " + ball.id
+    rows = client.get(path + "/result").json()["rows"]
+    assert [{key: row[key] for key in rows[0]} for row in chart.json()["data"]["values"]] == rows
+
+
+@pytest.mark.skipif(shutil.which("gnuplot") is None, reason="gnuplot is not installed")
+def test_the_chart_is_drawn_when_it_is_asked_for(client, ball):
+    path = start(ball, QUICK)
+    job = finish(client, path)["id"]
+    drawing = ball.get(f"/tradeoffs/{job}.svg")
+    assert drawing.content_type == SVG and drawing.version() == 1
+    text = "".join(ElementTree.fromstring(drawing.body).itertext())
+    assert ball.id in text and "random: any direction" in text and "Embree" in text
+    assert client.get(path + "/result", accept=f"{CSV};q=0.5, {SVG}").body == drawing.body
+    picture = ball.get(f"/tradeoffs/{job}.png")
+    assert picture.content_type == PNG and picture.body.startswith(b"\x89PNG")
+    waited = ball.post("/tradeoffs", QUICK, headers={"Prefer": "wait=30"}, accept=PNG)
+    assert waited.status == 200 and waited.body.startswith(b"\x89PNG")
+
+
+@pytest.fixture
+def fake_gnuplot(start_server, tmp_path, monkeypatch):
+    """Measures a box on a server whose gnuplot is a script (None: there is none): the client and the drawing's path."""
+    def measured(script, *options):
+        folder = tmp_path / "bin"
+        folder.mkdir()
+        if script is not None:
+            (folder / "gnuplot").write_text(f"#!/bin/sh\nPATH=/usr/bin:/bin\n{script}\n")
+            (folder / "gnuplot").chmod(0o755)
+        monkeypatch.setenv("PATH", str(folder))
+        client = start_server(*options).client
+        scene = client.load(models.one_box(), name="boxed")
+        job = finish(client, start(scene, QUICK))
+        assert job["state"] == "done", job
+        return client, f"/v1/scenes/boxed/tradeoffs/{job['id']}"
+    return measured
+
+
+def test_without_gnuplot_the_drawing_is_refused_and_the_rest_is_there(fake_gnuplot):
+    client, path = fake_gnuplot(None)
+    for form in (".svg", ".png"):
+        refused = client.get(path + form)
+        assert refused.status == 501 and refused.problem() == ("drawing_unavailable", "Accept")
+        assert "gnuplot" in refused.json()["detail"]
+    for form in ("", ".json", ".csv", ".vl.json"):
+        assert client.get(path + form).status == 200, form
+
+
+def test_gnuplot_is_run_alone_with_fixed_arguments(fake_gnuplot):
+    client, path = fake_gnuplot('echo "$@"; readlink /proc/$$/fd/*; cat')
+    arguments, _, script = client.get(path + ".svg").body.decode().partition("\n")
+    assert arguments == "-d"
+    descriptors, _, script = script.partition("set terminal")
+    assert "socket:" not in descriptors, "connections are not the child's business"
+    assert [line for line in script.splitlines() if "boxed" in line] == [
+        line for line in script.splitlines() if "'Speed against accuracy: boxed'" in line], "the name stands in quotes"
+
+
+def test_a_gnuplot_that_fails_is_an_internal_error_without_its_words(fake_gnuplot):
+    client, path = fake_gnuplot("echo /secret/place >&2; exit 3")
+    failed = client.get(path + ".png")
+    assert failed.status == 500 and failed.problem()[0] == "internal" and b"secret" not in failed.body
+
+
+STUBBORN = "trap '' TERM INT\necho $$ > {0}/new && mv {0}/new {0}/pid\nexec sleep 60"
+
+
+def test_a_drawing_past_the_deadline_is_stopped_whatever_gnuplot_thinks(fake_gnuplot, tmp_path):
+    client, path = fake_gnuplot(STUBBORN.format(tmp_path), "--deadline-ms", "4000")
+    late = client.get(path + ".svg")
+    assert late.status == 504 and late.problem()[0] == "deadline_exceeded"
+    assert not Path(f"/proc/{(tmp_path / 'pid').read_text().strip()}").exists(), "it is gone"
+
+
+def test_a_drawing_ends_with_its_client(fake_gnuplot, tmp_path):
+    client, path = fake_gnuplot(STUBBORN.format(tmp_path))
+    with socket.create_connection(client.address.split(":")) as connection:
+        connection.sendall(f"GET {path}.png HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+        assert wait_until((tmp_path / "pid").exists, 10)
+    child = Path(f"/proc/{(tmp_path / 'pid').read_text().strip()}")
+    assert wait_until(lambda: not child.exists(), 20)
 
 
 def test_with_wait_the_figures_come_at_once(ball):
@@ -150,7 +244,7 @@ def test_measurements_of_others_and_unknown_ones_are_404(client, ball, sheet):
     job = finish(client, path)["id"]
     drawn = sheet.post("/renders", {"width_px": 8, "height_px": 8}, headers={"Prefer": "respond-async"}).json()["id"]
     finish(client, "/v1/jobs/" + drawn)
-    for scene, below in ((sheet, job), (sheet, drawn), (ball, "0" * 32), (ball, job + ".png"), (ball, ".csv")):
+    for scene, below in ((sheet, job), (sheet, drawn), (ball, "0" * 32), (ball, job + ".pdf"), (ball, ".csv")):
         reply = scene.get("/tradeoffs/" + below)
         assert reply.status == 404 and reply.problem() == ("job_not_found", ""), below
     client.delete(path)

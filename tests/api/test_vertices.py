@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import models
-from gridcast_client import VERTICES
+from gridcast_client import VERTICES, read_columns
 
 WHOLE, SPARSE = VERTICES + "; layout=whole", VERTICES + "; layout=sparse"
 
@@ -121,3 +121,47 @@ def test_an_unknown_mesh_is_404(load):
     reply = shapes(load)[0].patch("/meshes/9/vertices", {"positions": [[0, 0, 0]], "vertex_ids": [0]})
     assert reply.status == 404
     assert reply.problem()[0] == "mesh_not_found"
+
+
+def test_vertices_come_back_as_they_are_sent(load):
+    scene, positions = shapes(load)
+    assert scene.get("/meshes/0/vertices", accept=VERTICES).body == positions.tobytes()
+    bent = (positions * np.float32(1.1) + np.random.default_rng(4).normal(size=positions.shape)).astype("<f4")
+    scene.patch("/meshes/0/vertices", bent.tobytes(), WHOLE)
+    binary = scene.get("/meshes/0/vertices", accept=f"{VERTICES}, application/json;q=0.5")
+    assert binary.headers["content-type"] == WHOLE and binary.headers["etag"] == '"2"' and binary.version() == 2
+    assert binary.body == bent.tobytes()
+    text = scene.get("/meshes/0/vertices")
+    assert text.content_type == "application/json" and text.headers["etag"] == '"2"'
+    assert np.array(text.json()["positions"], "<f4").tobytes() == bent.tobytes()
+    rays = models.random_rays(500, seed=31)
+    before = scene.cast(rays).body
+    for body, kind in ((binary.body, binary.headers["content-type"]), (text.body, text.headers["content-type"])):
+        scene.patch("/meshes/0/vertices", positions.tobytes(), WHOLE)
+        assert scene.patch("/meshes/0/vertices", body, kind, update="rebuild").status == 200
+        answer = scene.cast(rays)
+        assert [column.tobytes() for column in answer.columns().values()] == [
+            column.tobytes() for column in read_columns(before)[0].values()]
+
+
+def test_posed_vertices_are_those_that_rays_meet(load):
+    scene = load(models.moving())
+    rest = np.frombuffer(scene.get("/meshes/1/vertices", accept=VERTICES).body, "<f4").reshape(-1, 3)
+    scene.put("/meshes/1/weights", {"weights": [1, 0]})
+    raised = np.frombuffer(scene.get("/meshes/1/vertices", accept=VERTICES).body, "<f4").reshape(-1, 3)
+    assert np.array_equal(raised - rest, np.where(rest[:, 1:2] > 0, [[0, 2, 0]], [[0, 0, 0]]))
+
+
+def test_reading_vertices_is_strict_and_conditional(load, start_server):
+    scene = shapes(load)[0]
+    etag = scene.get("/meshes/0/vertices").headers["etag"]
+    assert scene.get("/meshes/0/vertices", headers={"If-None-Match": etag}).status == 304
+    assert scene.get("/meshes/9/vertices").problem()[0] == "mesh_not_found"
+    assert scene.get("/meshes/0/vertices", layout="sparse").problem() == ("unknown_parameter", "?layout")
+    assert scene.get("/meshes/0/vertices", accept="text/csv").problem() == ("not_acceptable", "Accept")
+    small = start_server("--max-json-bytes", "400", "--max-binary-bytes", str(12 * COUNT - 1)).client
+    other = small.load(models.row_of_spheres())
+    for kind in ("application/json", VERTICES):
+        refused = other.get("/meshes/0/vertices", accept=kind)
+        assert refused.status == 413 and refused.problem() == ("limit_exceeded", "Accept")
+        assert other.get("/meshes/1/vertices", accept=kind).status == 200, "the floor is small"

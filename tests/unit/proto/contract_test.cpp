@@ -47,6 +47,7 @@ Json words(const Names& names) {
 
 TEST(Contract, vocabularies_are_the_published_ones) {
   EXPECT_EQ(words(kStructureNames), schema("StructureName").at("enum"));
+  EXPECT_EQ(words(kBuildQualityNames), schema("BuildQuality").at("enum"));
   EXPECT_EQ(words(kPrecisionNames), schema("Precision").at("enum"));
   EXPECT_EQ(words(kUpdateModeNames), schema("UpdateMode").at("enum"));
   EXPECT_EQ(words(kHitFieldNames), schema("HitField").at("enum"));

@@ -87,7 +87,7 @@ TEST(Mutation, damaged_json_is_answered) {
 
 TEST(Mutation, damaged_binary_and_headers_are_answered) {
   test::Random random(test::seed_or(23));
-  const std::string type = "application/vnd.gridcast.rays; dtype=float64; columns=8";
+  const std::string type = "application/vnd.gridcast.rays; dtype=float64; columns=8; exclude=ids";
   for (int i = 0; i < 4000; ++i) {
     std::string body(random.below(200), '\0');
     for (char& c : body) c = char(random.below(256));

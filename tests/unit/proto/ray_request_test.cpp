@@ -97,6 +97,30 @@ TEST(RayRequest, binary_rows_are_read_where_they_lie) {
   EXPECT_FALSE(is_valid(eight.value().batch()[0]));
 }
 
+TEST(RayRequest, excluded_ids_come_before_binary_rows) {
+  const std::vector<float> rows{1, 2, 3, 0, 0, -1, 4, 5, 6, 0, 1, 0};
+  const std::string body =
+      bytes_of(std::vector<std::uint32_t>{2, 11, kInvalidId, kInvalidId}) + bytes_of(rows);
+  const auto request = parse_ray_request(kBinary + "; exclude=ids", body, {}, Limits{});
+  ASSERT_EQ(outcome(request), "ok");
+  const RayBatch batch = request.value().batch();
+  ASSERT_EQ(batch.size(), 2U);
+  EXPECT_EQ(static_cast<const void*>(batch.bytes.data()), static_cast<const void*>(body.data() + 16));
+  EXPECT_EQ(batch[1].origin, Vec3d(4, 5, 6));
+  ASSERT_EQ(batch.excluded.size(), 2U);
+  EXPECT_EQ(batch.excluded[0], (PrimitiveRef{2, 11}));
+  EXPECT_EQ(batch.excluded[1], PrimitiveRef());
+  EXPECT_TRUE(parse_ray_request(kBinary + "; exclude=none", "", {}, Limits{}).value().excluded.empty());
+
+  const std::string half = bytes_of(std::vector<std::uint32_t>{2, 11, 3, kInvalidId}) + bytes_of(rows);
+  EXPECT_EQ(outcome(parse_ray_request(kBinary + "; exclude=ids", half, {}, Limits{})),
+            "out_of_range 422 /exclude/1");
+  for (std::size_t n = 0; n <= body.size(); ++n) {
+    const auto cut = parse_ray_request(kBinary + "; exclude=ids", body.substr(0, n), {}, Limits{});
+    EXPECT_EQ(cut.ok(), n % 32 == 0) << n;
+  }
+}
+
 TEST(RayRequest, every_truncation_of_a_binary_ray_is_refused) {
   const std::string body = bytes_of(std::vector<float>(12, 1.F));
   for (std::size_t n = 0; n <= body.size(); ++n) {
@@ -110,11 +134,12 @@ TEST(RayRequest, media_types_and_their_parameters_are_a_closed_list) {
     return outcome(parse_ray_request(type, "", {}, Limits{}));
   };
   const std::string refused = "unsupported_media_type 415 Content-Type";
-  for (const std::string type : {"", "text/plain", "application", "application/json, text/plain",
-                                 "application/vnd.gridcast.rays; dtype=int8",
-                                 "application/vnd.gridcast.rays; dtype=float32; dtype=float64",
-                                 "application/vnd.gridcast.rays; columns=7",
-                                 "application/vnd.gridcast.rays; rows=8", "application/vnd.gridcast.rays;"})
+  for (const std::string type :
+       {"", "text/plain", "application", "application/json, text/plain",
+        "application/vnd.gridcast.rays; dtype=int8",
+        "application/vnd.gridcast.rays; dtype=float32; dtype=float64",
+        "application/vnd.gridcast.rays; columns=7", "application/vnd.gridcast.rays; exclude=yes",
+        "application/vnd.gridcast.rays; rows=8", "application/vnd.gridcast.rays;"})
     EXPECT_EQ(parse(type), refused) << type;
   EXPECT_EQ(parse("Application/Vnd.Gridcast.Rays ; DType=float32"), "ok");
 }
@@ -130,6 +155,8 @@ TEST(RayRequest, limits_hold_at_one_below_at_and_one_above) {
     EXPECT_EQ(outcome(parse_ray_request("application/json", body, {}, limits)),
               n <= 3 ? "ok" : "too_many_rays 413 /origins");
     EXPECT_EQ(outcome(parse_ray_request(kBinary, std::string(24 * n, '\0'), {}, limits)),
+              n <= 3 ? "ok" : "too_many_rays 413 ");
+    EXPECT_EQ(outcome(parse_ray_request(kBinary + "; exclude=ids", std::string(32 * n, '\0'), {}, limits)),
               n <= 3 ? "ok" : "too_many_rays 413 ");
   }
   const std::string body = R"({"origins":[],"directions":[]})";

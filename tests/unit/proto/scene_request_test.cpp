@@ -35,10 +35,14 @@ TEST(SceneRequest, an_added_instance_stands_at_the_origin_by_default) {
 }
 
 TEST(SceneRequest, the_query_names_the_scene_and_its_structure) {
-  const auto query = parse_scene_query({{"name", "lab"}, {"structure", "kd_tree"}, {"scene", "2"}}, Limits{});
+  const auto query = parse_scene_query(
+      {{"name", "lab"}, {"structure", "kd_tree"}, {"quality", "fast"}, {"scene", "2"}}, Limits{});
   ASSERT_EQ(outcome(query), "ok");
   EXPECT_EQ(query.value().name, "lab");
   EXPECT_EQ(query.value().structure, "kd_tree");
+  EXPECT_EQ(query.value().quality, "fast");
+  EXPECT_EQ(parse_scene_query({}, Limits{}).value().quality, "default");
+  EXPECT_EQ(outcome(parse_scene_query({{"quality", "best"}}, Limits{})), "invalid_value 422 ?quality");
   EXPECT_EQ(query.value().gltf_scene, 2U);
   EXPECT_EQ(outcome(parse_scene_query({{"name", ""}}, Limits{})), "invalid_value 422 ?name");
   EXPECT_EQ(outcome(parse_scene_query({{"name", std::string(64, 'a')}}, Limits{})), "ok");
