@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
+#include <utility>
 
 #include "core/mesh/topology.h"
 #include "core/scene/tree_watch.h"
@@ -98,6 +100,20 @@ Result<Action> replace_kind(const blas::Blas& old, std::shared_ptr<const mesh::T
   return action;
 }
 
+/// What `refitted`, which is no longer good, becomes when the subtrees that made it so are built anew.
+/// Nothing where that would not do, and for small meshes, whose rebuilds take a few milliseconds.
+std::optional<Action> repaired(const blas::Blas& refitted, const TreeTerms& terms) {
+  if (refitted.stats().triangle_count <= kFastRebuildTriangles) return std::nullopt;
+  auto repair = refitted.repair();
+  if (!repair || repair->outcome != blas::RepairOutcome::kRepaired ||
+      judge_refit(repair->blas.stats(), terms).rebuild_as)
+    return std::nullopt;
+  return Action{std::move(repair->blas), MeshAction::kRefit,
+                "Refitted, and " + std::to_string(repair->triangles) + " triangles in " +
+                    std::to_string(repair->subtrees) +
+                    " subtrees built anew, which had become worse than at build."};
+}
+
 /// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any.
 Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
                                 const Vertices& vertices, UpdateMode mode, const TreeTerms& terms) {
@@ -115,9 +131,11 @@ Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mes
     return Action{*std::move(refitted), MeshAction::kRefit, "A refit was asked for."};
 
   TreeVerdict verdict = judge_refit(refitted->stats(), terms);
-  if (verdict.rebuild_as)
+  if (verdict.rebuild_as) {
+    if (auto action = repaired(*refitted, terms)) return *std::move(action);
     return rebuild(old, std::move(moved), MeshMotion::kDeforms, *verdict.rebuild_as,
                    std::move(verdict.reason));
+  }
   return Action{*std::move(refitted), MeshAction::kRefit, std::move(verdict.reason)};
 }
 

@@ -107,5 +107,29 @@ TEST(TreeWatch, a_mesh_that_is_shuffled_and_put_in_order_again_keeps_a_good_tree
   }
 }
 
+/// Where a part of a large mesh flies apart, the tree is repaired there and stays elsewhere.
+TEST(TreeWatch, a_large_mesh_that_breaks_in_one_place_is_repaired_there) {
+  const auto mesh = test::share(test::icosphere(6));
+  SceneData data;
+  data.meshes = {mesh};
+  data.deformations.resize(1);
+  data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+  const auto scene = build_scene(std::move(data)).value();
+  std::vector<Vec3f> positions = mesh->positions;
+  test::Random random(test::seed_or(92));
+  for (Vec3f& p : positions)
+    if (p.y > 0.93F) p += Vec3f(random.in_box(0.4));
+  const auto updated = apply_update(*scene, {ReplaceVertices{0, positions, {}}}).value();
+  const MeshUpdateReport& report = updated.report.meshes[0];
+  EXPECT_EQ(report.action, MeshAction::kRefit);
+  EXPECT_NE(report.reason.find("subtrees built anew"), std::string::npos) << report.reason;
+  const blas::Blas& tree = updated.scene->blas(0);
+  const blas::Blas fresh =
+      blas::Blas::build(tree.mesh_ptr(), {.kind = tree.stats().kind, .spatial = blas::SpatialSplits::kNever})
+          .value();
+  EXPECT_LT(tree.stats().cost, 1.3 * fresh.stats().cost);
+  EXPECT_TRUE(updated.scene->validate().ok());
+}
+
 }  // namespace
 }  // namespace gridcast::scene
