@@ -26,7 +26,7 @@ constexpr std::size_t kClients = 2;
 /// Of a batch: an answer comes some hundred times a phase, so that its ends cut off little.
 constexpr std::size_t kMostRays = 16'384;
 /// Updates that are timed while nobody casts: one loop of the animation.
-constexpr std::size_t kLoneUpdates = std::size_t(measure::kCrowdLoop_s * kCrowdUpdatesPerSecond);
+constexpr std::size_t kLoneUpdates = std::size_t(measure::kCrowdLoopSeconds * kCrowdUpdatesPerSecond);
 
 /// The first error of any thread.
 class FirstError {

@@ -44,7 +44,8 @@ class CrowdMaker {
     const auto side = std::size_t(std::ceil(std::sqrt(double(count))));
     std::size_t figures = 0;
     for (std::size_t i = 0; i < count; ++i) {
-      const Vec3d at = kSpacing * Vec3d{double(i % side), 0.0, double(i / side)};
+      const std::size_t column = i % side, row = i / side;
+      const Vec3d at = kSpacing * Vec3d(double(column), 0.0, double(row));
       // Spread evenly among the things.
       const bool is_figure = (i + 1) * size_.figures / count > figures;
       is_figure ? place_figure(at, figures++) : place_thing(at);
@@ -137,7 +138,7 @@ class CrowdMaker {
     channel.path = path;
     for (std::size_t k = 0; k < kKeys; ++k) {
       const double part = double(k) / double(kKeys - 1);
-      channel.times_s.push_back(float(part * kCrowdLoop_s));
+      channel.times_s.push_back(float(part * kCrowdLoopSeconds));
       value_at(part, channel.values);
     }
   }

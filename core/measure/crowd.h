@@ -9,7 +9,7 @@
 namespace gridcast::measure {
 
 /// Seconds after which the animation of a crowd begins again.
-inline constexpr double kCrowdLoop_s = 2.0;
+inline constexpr double kCrowdLoopSeconds = 2.0;
 
 struct CrowdSize {
   std::size_t figures = 30;  ///< of 2,000 to 5,000 triangles, each with a skin and a pose of its own

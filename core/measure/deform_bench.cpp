@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 #include <utility>
+#include <variant>
 
 #include <oneapi/tbb/task_arena.h>
 
@@ -13,6 +14,7 @@
 #include "core/measure/embree_yardstick.h"
 #include "core/measure/interleave.h"
 #include "core/measure/random.h"
+#include "core/scene/tree_replacement.h"
 #include "core/scene/update.h"
 
 namespace gridcast::measure {
@@ -71,13 +73,25 @@ struct Maintained {
   scene::MeshAction action;
 };
 
-/// Brings the vertices to `positions` as a server would. Whatever else a scene may do to keep its trees good
-/// between an update and the queries after it belongs here.
+/// Brings the vertices to `positions` as a server would.
 Result<Maintained> maintain(const scene::Scene& before, std::vector<Vec3f> positions) {
   auto updated = scene::apply_update(
-      before, {scene::ReplaceVertices{0, std::move(positions), {}, scene::UpdateMode::kAuto}});
+      before, {scene::ReplaceVertices{0, std::move(positions), {}, scene::UpdateMode::kAuto}},
+      {.rebuilds = scene::RebuildPlace::kInBackground});
   if (!updated) return updated.error();
   return Maintained{updated->scene, updated->report.meshes[0].action};
+}
+
+/// What a server's builder of trees does between two frames: puts in the better tree that an update ordered.
+Status catch_up(ScenePtr& maintained, const std::stop_token& stop) {
+  const auto order = scene::better_tree(*maintained, 0);
+  if (!order) return ok_status();
+  const auto built = blas::Blas::build(order->mesh, order->options, stop);
+  if (!built) return built.error();
+  auto swapped = scene::replace_tree(*maintained, 0, *built);
+  if (!swapped) return swapped.error();
+  if (auto* next = std::get_if<ScenePtr>(&*swapped)) maintained = std::move(*next);
+  return ok_status();
 }
 
 /// One deformation, from trees that were built for its first moment.
@@ -114,6 +128,7 @@ class DeformationRun {
     const std::vector<Vec3f> positions = vertices(double(frame) / double(options_.frames));
     if (Status status = update(positions, row); !status) return status.error();
     if (Status status = query(positions, row); !status) return status.error();
+    if (Status status = catch_up(maintained_, options_.stop); !status) return status.error();
     return row;
   }
 

@@ -24,7 +24,7 @@ class FigureMaker {
   }
 
   Figure run() {
-    for (std::uint16_t j = 0; j < kFigureJoints.size(); ++j) add_bone(j);
+    for (std::size_t j = 0; j < kFigureJoints.size(); ++j) add_bone(std::uint16_t(j));
     figure_.mesh.name = "figure";
     figure_.mesh.normals = mesh::smooth_normals(figure_.mesh);
     return std::move(figure_);

@@ -31,8 +31,8 @@ struct TriangleMesh {
   std::string name;
   std::vector<Vec3f> positions;
   SharedVector<Triangle> triangles;  ///< versions of a mesh that moves share them
-  std::vector<Vec3f> normals;   ///< per vertex, unit, for shading only; empty = none
-  std::vector<MeshPart> parts;  ///< cover `triangles` in order; empty = one part of the default material
+  std::vector<Vec3f> normals;        ///< per vertex, unit, for shading only; empty = none
+  std::vector<MeshPart> parts;       ///< cover `triangles` in order; empty = one part of the default material
   std::uint32_t topology_version = 0;  ///< changes with `triangles` or the number of positions
   std::uint32_t vertex_version = 0;    ///< changes with the values of `positions`
 

@@ -20,7 +20,7 @@ Blas fast(const std::shared_ptr<const TriangleMesh>& mesh, StructureKind kind = 
 /// The same small triangle over and over.
 TriangleMesh identical_triangles(std::size_t count) {
   TriangleMesh mesh = test::single_triangle();
-  mesh.triangles.resize(count, mesh.triangles[0]);
+  mesh.triangles = std::vector<mesh::Triangle>(count, mesh.triangles[0]);
   return mesh;
 }
 

@@ -63,7 +63,7 @@ TEST_F(Crowd, EveryFigureMovesInItsOwnWayAndTheLoopIsClosed) {
   EXPECT_EQ(posed.report.poses[0].moved_instances, 3U);
   EXPECT_EQ(posed.report.poses[0].inactive_instances, 0U);
   EXPECT_TRUE(posed.scene->validate().ok());
-  const auto begin = at(*scene_, 0.0), end = at(*scene_, kCrowdLoop_s - 1e-9);
+  const auto begin = at(*scene_, 0.0), end = at(*scene_, kCrowdLoopSeconds - 1e-9);
   for (const scene::MeshUpdateReport& mesh : posed.report.poses[0].meshes) {
     const auto& first = begin.scene->blas(mesh.mesh_id).mesh().positions;
     const auto& last = end.scene->blas(mesh.mesh_id).mesh().positions;
