@@ -53,7 +53,8 @@ struct Limits {
   std::size_t job_result_bytes = std::size_t(512) << 20;
   double job_keep_ms = 600'000.0;      ///< how long an ended job and its result can be asked for
   double job_deadline_ms = 600'000.0;  ///< of a job's work, without its time in the queue
-  /// Answers kept for those who send a request again with its Idempotency-Key: the oldest are forgotten first.
+  /// Answers kept for those who send a request again with its Idempotency-Key: the oldest are forgotten
+  /// first.
   std::size_t idempotency_keys = 10'000;
   std::size_t idempotency_bytes = std::size_t(64) << 20;  ///< of all of them together
   double idempotency_keep_ms = 3'600'000.0;

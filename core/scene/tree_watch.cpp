@@ -29,11 +29,6 @@ double worse_at_build(BuildQuality built, BuildQuality asked) {
   return built == BuildQuality::kFast && asked == BuildQuality::kDefault ? kMortonCostRatio : 1.0;
 }
 
-/// How much worse than a good tree one may be before the update rebuilds it.
-double limit_of(const blas::StructureStats& stats, RebuildPlace place) {
-  return place == RebuildPlace::kInBackground && is_large(stats) ? kMaxServingCostRatio : kMaxRefitCostRatio;
-}
-
 /// The structures that are built in Morton order when that is asked for.
 bool has_morton_order(StructureKind kind) {
   return kind == StructureKind::kBvh || kind == StructureKind::kWideBvh;
@@ -47,7 +42,7 @@ double worsening(const blas::StructureStats& refitted) {
 }
 
 TreeVerdict judge_refit(const blas::StructureStats& refitted, const TreeTerms& terms) {
-  const double allowed = limit_of(refitted, terms.place) / worse_at_build(terms.built, terms.asked);
+  const double allowed = kMaxRefitCostRatio / worse_at_build(terms.built, terms.asked);
   const double cost = refitted.cost, limit = allowed * refitted.cost_at_build;
   const std::string limits = rounded(allowed) + " times its cost at build, " + rounded(limit);
   const std::string costs = "the refitted tree's cost " + rounded(cost);

@@ -12,15 +12,12 @@ namespace gridcast::scene {
 /// (tree_replacement.h), and a tree that is no longer good serves until theirs comes in.
 enum class RebuildPlace : std::uint8_t { kInUpdate, kInBackground };
 
-/// Without anybody in the background a refitted tree goes when it has become this many times worse than a
-/// good one was; after the rule of C. Lauterbach, 2006.
+/// A refitted tree goes when it has become this many times worse than a good one was; after the rule of
+/// C. Lauterbach, 2006. Rays take up to twice what the measure says (tests/bench has figures), so that the worst
+/// of all frames stays below three times a new tree.
 inline constexpr double kMaxRefitCostRatio = 1.5;
-/// Beyond this a better tree is ordered in the background,
+/// Beyond this a better tree is ordered, where somebody builds in the background.
 inline constexpr double kOrderCostRatio = 1.25;
-/// and beyond this the update does not wait for it. Of shuffled vertices a ray costs up to 1.6 times more
-/// than the measure says (tests/bench has figures): the worst of all frames has to stay below three times a
-/// new tree.
-inline constexpr double kMaxServingCostRatio = 1.8;
 /// Larger meshes are rebuilt in Morton order, or in the background: the query that follows an update waits
 /// half as long, or not at all. Below, the better tree takes a few milliseconds.
 inline constexpr std::size_t kFastRebuildTriangles = std::size_t(1) << 14;

@@ -127,8 +127,8 @@ bool apply_column(const ColumnDelta& delta, std::vector<Vec3f>& column) {
 }
 
 bool only_vertices_differ(const mesh::TriangleMesh& a, const mesh::TriangleMesh& b) {
-  return a.topology_version == b.topology_version && a.name == b.name &&
-         a.triangles == b.triangles && same_bytes(a.parts, b.parts);
+  return a.topology_version == b.topology_version && a.name == b.name && a.triangles == b.triangles &&
+         same_bytes(a.parts, b.parts);
 }
 
 MeshDelta mesh_delta(const scene::MeshChange& change) {

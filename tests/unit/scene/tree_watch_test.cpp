@@ -58,18 +58,9 @@ TEST(TreeWatch, large_meshes_are_rebuilt_fast_and_small_ones_as_asked) {
   EXPECT_NE(judge_refit(stats(99.0, 4.0, kLarge), kAlone).reason.find("Morton"), std::string::npos);
 }
 
-TEST(TreeWatch, a_large_tree_serves_longer_when_a_better_one_comes_from_the_background) {
-  EXPECT_FALSE(is_kept(stats(15.1, 4.0, kLarge), kAlone));
-  EXPECT_TRUE(is_kept(stats(18.0, 7.2, kLarge), kServed));
-  EXPECT_FALSE(is_kept(stats(18.1, 4.0, kLarge), kServed));
-  EXPECT_FALSE(is_kept(stats(10.0, 7.3, kLarge), kServed));
-  EXPECT_FALSE(is_kept(stats(15.1, 4.0, kFastRebuildTriangles), kServed)) << "small ones are rebuilt at once";
-}
-
 TEST(TreeWatch, a_morton_tree_is_judged_by_the_cost_of_a_good_one) {
   for (TreeTerms terms : {kAlone, kServed}) {
-    const double limit = terms.place == RebuildPlace::kInUpdate ? kMaxRefitCostRatio : kMaxServingCostRatio;
-    const double cost = 10.0 * limit / kMortonCostRatio;
+    const double cost = 10.0 * kMaxRefitCostRatio / kMortonCostRatio;
     terms.built = BuildQuality::kFast;
     EXPECT_TRUE(is_kept(stats(0.999 * cost, 4.0, kLarge), terms));
     EXPECT_FALSE(is_kept(stats(1.001 * cost, 4.0, kLarge), terms));
