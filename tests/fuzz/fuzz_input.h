@@ -13,7 +13,8 @@
 #include "core/math/affine.h"
 #include "core/math/vec.h"
 
-/// Called by libFuzzer, or by replay.cpp where that is not there.
+/// Called by libFuzzer, whose name it is, or by replay.cpp where that is not there.
+// NOLINTNEXTLINE(readability-identifier-naming)
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 namespace gridcast::fuzz {
