@@ -60,9 +60,10 @@ class Pace {
   [[nodiscard]] double now() const { return now_s(clock_) / cores_; }
 
   void wait_until(double due, const std::function<bool()>& go_on) const {
-    constexpr double kLeast_s = 1e-4, kMost_s = 0.05;
+    constexpr double kLeastSeconds = 1e-4, kMostSeconds = 0.05;
     for (double left = due - now(); left > 0.0 && go_on(); left = due - now())
-      std::this_thread::sleep_for(std::chrono::duration<double>(std::clamp(left, kLeast_s, kMost_s)));
+      std::this_thread::sleep_for(
+          std::chrono::duration<double>(std::clamp(left, kLeastSeconds, kMostSeconds)));
   }
 
  private:
@@ -112,8 +113,8 @@ class Poser {
 
   /// Until `end`; a moment that has passed by is left out.
   void keep_pace(const Pace& pace, double end, const std::function<bool()>& go_on, FirstError& error) {
-    constexpr double kPeriod_s = 1.0 / kCrowdUpdatesPerSecond;
-    for (double due = pace.now(); due < end && go_on(); due = std::max(due + kPeriod_s, pace.now())) {
+    constexpr double kPeriodSeconds = 1.0 / kCrowdUpdatesPerSecond;
+    for (double due = pace.now(); due < end && go_on(); due = std::max(due + kPeriodSeconds, pace.now())) {
       pace.wait_until(due, go_on);
       error.keep(pose());
     }

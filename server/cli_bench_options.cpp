@@ -35,7 +35,7 @@ Examples:
 constexpr std::size_t kRays = 1'000'000, kQuickRays = 30'000;
 constexpr std::size_t kRepeat = 5, kQuickRepeat = 3;
 constexpr std::size_t kFrames = 24, kQuickFrames = 6;
-constexpr double kPhase_s = 2.0, kQuickPhase_s = 0.3;
+constexpr double kPhaseSeconds = 2.0, kQuickPhaseSeconds = 0.3;
 constexpr double kQuickSize = 0.02;
 
 /// What `deform` takes by itself.
@@ -159,7 +159,7 @@ measure::BenchOptions BenchRequest::options(std::stop_token stop) const {
   made.rays = rays > 0 ? rays : quick ? kQuickRays : kRays;
   made.repeat = repeat > 0 ? repeat : quick ? kQuickRepeat : kRepeat;
   made.frames = frames > 0 ? frames : quick ? kQuickFrames : kFrames;
-  made.phase_s = phase_s > 0.0 ? phase_s : quick ? kQuickPhase_s : kPhase_s;
+  made.phase_s = phase_s > 0.0 ? phase_s : quick ? kQuickPhaseSeconds : kPhaseSeconds;
   made.threads = threads;
   made.seed = seed;
   made.stop = std::move(stop);

@@ -36,9 +36,8 @@ std::vector<std::uint32_t> wanted_trees(const UpdateReport& report) {
   };
   collect(report.meshes);
   for (const PoseReport& pose : report.poses) collect(pose.meshes);
-  std::ranges::sort(ids);
-  const auto repeats = std::ranges::unique(ids);
-  ids.erase(repeats.begin(), repeats.end());
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
   return ids;
 }
 
