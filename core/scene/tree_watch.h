@@ -13,8 +13,8 @@ namespace gridcast::scene {
 enum class RebuildPlace : std::uint8_t { kInUpdate, kInBackground };
 
 /// A refitted tree goes when it has become this many times worse than a good one was; after the rule of
-/// C. Lauterbach, 2006. Rays take up to twice what the measure says (tests/bench has figures), so that the worst
-/// of all frames stays below three times a new tree.
+/// C. Lauterbach, 2006. Rays take up to twice what the measure says (tests/bench has figures), so that the
+/// worst of all frames stays below three times a new tree.
 inline constexpr double kMaxRefitCostRatio = 1.5;
 /// Beyond this a better tree is ordered, where somebody builds in the background.
 inline constexpr double kOrderCostRatio = 1.25;
