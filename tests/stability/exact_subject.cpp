@@ -6,24 +6,10 @@
 
 #include "core/scene/all_hits.h"
 #include "core/scene/hit_error.h"
+#include "tests/stability/shot_batch.h"
 
 namespace gridcast::stability {
 namespace {
-
-std::vector<double> rows_of(std::span<const Shot> shots) {
-  std::vector<double> rows;
-  rows.reserve(8 * shots.size());
-  for (const Shot& shot : shots) {
-    const Ray& r = shot.ray;
-    for (const double x :
-         {r.origin.x, r.origin.y, r.origin.z, r.tnear, r.direction.x, r.direction.y, r.direction.z, r.tfar})
-      rows.push_back(x);
-  }
-  return rows;
-}
-RayBatch batch_of(const std::vector<double>& rows) {
-  return {std::as_bytes(std::span(rows)), ScalarType::kFloat64, 8, {}};
-}
 
 /// The hits of one ray of a list.
 std::vector<SurfaceHit> hits_of(const HitLists& lists, std::size_t ray) {

@@ -5,6 +5,7 @@
 
 #include "core/scene/all_hits.h"
 #include "tests/stability/exact_subject.h"
+#include "tests/stability/shot_batch.h"
 #include "tests/support/closed_mesh.h"
 #include "tests/support/exact_reference.h"
 #include "tests/unit/blas/cases.h"
@@ -16,20 +17,6 @@ using blas::StructureKind;
 
 constexpr StructureKind kKinds[] = {StructureKind::kBruteForce, StructureKind::kBvh, StructureKind::kWideBvh,
                                     StructureKind::kKdTree};
-
-std::vector<double> rows_of(const std::vector<Shot>& shots) {
-  std::vector<double> rows;
-  for (const Shot& shot : shots) {
-    const Ray& r = shot.ray;
-    for (const double x :
-         {r.origin.x, r.origin.y, r.origin.z, r.tnear, r.direction.x, r.direction.y, r.direction.z, r.tfar})
-      rows.push_back(x);
-  }
-  return rows;
-}
-RayBatch batch_of(const std::vector<double>& rows) {
-  return {std::as_bytes(std::span(rows)), ScalarType::kFloat64, 8, {}};
-}
 
 /// All hits of a batch in one structure.
 HitLists all_hits(const scene::Scene& scene, const std::vector<Shot>& shots,

@@ -11,12 +11,6 @@
 namespace gridcast::scene {
 namespace {
 
-std::shared_ptr<const Scene> start_scene(test::Random& random, int count) {
-  SceneData data = meshes_only();
-  for (int i = 0; i < count; ++i) place(data, random.below(4), random_affine(random, 8.0, 0.5));
-  return built(std::move(data));
-}
-
 /// `count` of the instances that are there, in any order.
 std::vector<MoveInstance> random_moves(const Scene& scene, std::size_t count, test::Random& random) {
   std::vector<std::uint32_t> ids(scene.instance_slots());

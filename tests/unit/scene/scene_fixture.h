@@ -119,4 +119,11 @@ inline bool same(const SurfaceHit& a, const SurfaceHit& b) {
          a.instance_id == b.instance_id && a.mesh_id == b.mesh_id && a.primitive_id == b.primitive_id;
 }
 
+/// `count` instances of meshes_only(), anywhere and anyhow.
+inline std::shared_ptr<const Scene> start_scene(test::Random& random, int count) {
+  SceneData data = meshes_only();
+  for (int i = 0; i < count; ++i) place(data, random.below(4), random_affine(random, 8.0, 0.5));
+  return built(std::move(data));
+}
+
 }  // namespace gridcast::scene

@@ -8,12 +8,6 @@
 namespace gridcast::scene {
 namespace {
 
-std::shared_ptr<const Scene> start_scene(test::Random& random, int count) {
-  SceneData data = meshes_only();
-  for (int i = 0; i < count; ++i) place(data, random.below(4), random_affine(random, 8.0, 0.5));
-  return built(std::move(data));
-}
-
 /// The same instances under the same ids, built from nothing. Removed slots get a singular transform.
 std::shared_ptr<const Scene> built_anew(const Scene& scene) {
   SceneData data;
