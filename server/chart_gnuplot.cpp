@@ -50,7 +50,8 @@ class Page {
       : columns_(int(std::min<std::size_t>(std::max<std::size_t>(panels, 2), kMaxColumns))),
         rows_(int((std::max<std::size_t>(panels, 1) + std::size_t(columns_) - 1) / std::size_t(columns_))) {}
 
-  [[nodiscard]] int width() const { return kLeftPx + columns_ * kPanelWidthPx + kRightPx; }
+  /// Wide enough for the head and the legend, however few panels there are.
+  [[nodiscard]] int width() const { return kLeftPx + std::max(columns_, 3) * kPanelWidthPx + kRightPx; }
   [[nodiscard]] int height() const { return kHeadPx + rows_ * kPanelHeightPx + kFootPx + kLegendPx; }
   [[nodiscard]] bool at_left(std::size_t panel) const { return column(panel) == 0; }
 
