@@ -28,6 +28,26 @@ void add_product(Expansion<kCapacity>& sum, double a, const TwoTerm& b, const Tw
   add_product(sum, a, b.high, c.high);
 }
 
+bool parallel(const Vec3d& d, const TwoTerm (&a)[3]) {
+  return difference_of_products(d.x, a[1].high, d.y, a[0].high) == 0.0 &&
+         difference_of_products(d.y, a[2].high, d.z, a[1].high) == 0.0 &&
+         difference_of_products(d.z, a[0].high, d.x, a[2].high) == 0.0;
+}
+
+/// Whether d . (a x b) is 0 for one of the reasons that are common and cheap to see, where a and b have no
+/// low parts: the ray passes through a corner, or it runs along an axis and meets the side there.
+bool plainly_zero(const Vec3d& d, const TwoTerm (&a)[3], const TwoTerm (&b)[3]) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (a[axis].low != 0.0 || b[axis].low != 0.0) return false;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int next = (axis + 1) % 3;
+    const int last = (axis + 2) % 3;
+    if (d[next] == 0.0 && d[last] == 0.0)
+      return difference_of_products(a[next].high, b[last].high, a[last].high, b[next].high) == 0.0;
+  }
+  return parallel(d, a) || parallel(d, b);
+}
+
 }  // namespace
 
 double exact_side(const Vec3d& d, const Vec3d& o, const Vec3d& p, const Vec3d& q) {
@@ -37,6 +57,7 @@ double exact_side(const Vec3d& d, const Vec3d& o, const Vec3d& p, const Vec3d& q
     a[axis] = two_difference(p[axis], o[axis]);
     b[axis] = two_difference(q[axis], o[axis]);
   }
+  if (plainly_zero(d, a, b)) return 0.0;
   SideExpansion sum;
   for (int axis = 0; axis < 3; ++axis) {
     const int next = (axis + 1) % 3;

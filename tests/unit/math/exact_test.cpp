@@ -35,7 +35,11 @@ TEST(ExactSide, equals_integer_arithmetic) {
   test::Random random(test::seed_or(11));
   for (int i = 0; i < 20000; ++i) {
     const std::int64_t half = std::int64_t(1) << (2 + i % 38);
-    const Vec3d d = integers(random, half), o = integers(random, half), p = integers(random, half);
+    Vec3d d = integers(random, half);
+    const Vec3d o = integers(random, half), p = integers(random, half);
+    // Through p exactly, or not quite; along an axis.
+    if (i % 5 == 1 && half < (1 << 18)) d = double(1 + i % 3) * (p - o) + Vec3d(0.0, i % 2, 0.0);
+    if (i % 5 == 2) d[i % 3] = d[(i + 1) % 3] = 0.0;
     // Every third q lies on the line from p along d, where the true value is 0, or one unit beside it.
     Vec3d q = integers(random, half);
     if (i % 3 != 0 && half < (1 << 18)) q = p + double(i % 7) * d + Vec3d(i % 3 == 2 ? 1.0 : 0.0, 0.0, 0.0);
