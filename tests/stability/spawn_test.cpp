@@ -187,10 +187,23 @@ double narrowest(const test::HostileTriangle& triangle, const UnitPlane& plane) 
   return plane.length / longest;
 }
 
+/// Whether rays to inside of the triangle are turned past its border on their way to object space, which in
+/// robust mode may happen: about a sliver in a nearly singular placement.
+bool may_be_turned_past(const test::HostileTriangle& triangle, const UnitPlane& plane) {
+  const InstanceTransform& transform = triangle.transform;
+  double reach = 0.0;
+  for (const Vec3f& corner : triangle.corners)
+    reach = std::max(reach, max_abs(transform.world_from_object().vector(Vec3d(corner))));
+  // The aims are a fifth of an altitude away from the border; origin and way are turned by e reach each, in
+  // the largest component.
+  return 0.2 * narrowest(triangle, plane) < 2.0 * std::sqrt(3.0) * transform.round_trip_error() * reach;
+}
+
 TEST(Stability, RC35_ThinWallsDoNotLeak) {
   Row row(35, 8000);
   constexpr std::size_t kRaysPerWall = 64;
-  std::size_t walls = 0;
+  constexpr Precision kExactAlone[] = {Precision::kExact};
+  std::size_t walls = 0, slivers = 0;
   row.blocks(row.rays(), [&](test::Random& random, std::size_t count) {
     for (std::size_t done = 0; done < count;) {
       const test::HostileTriangle triangle = test::hostile_triangle(random);
@@ -231,11 +244,14 @@ TEST(Stability, RC35_ThinWallsDoNotLeak) {
                          {},
                          to_the_other ? Expectation::hit({1 - wall, 0}) : Expectation::miss()});
       }
-      (void)subject.ask(row, shots);
+      const bool exact_alone = may_be_turned_past(triangle, plane);
+      if (exact_alone) ++slivers;
+      (void)subject.ask(row, shots, exact_alone ? std::span<const Precision>(kExactAlone) : kPrecisions);
       done += kRaysPerWall;
     }
   });
-  std::cout << walls << " walls\n";
+  std::cout << walls << " walls, of which " << slivers << " are for exact mode alone\n";
+  EXPECT_LT(slivers, walls / 4 + 2);
 }
 
 }  // namespace
