@@ -107,12 +107,13 @@ while read -r row size test; do
   while [ "$shot" -lt "$wanted" ] && [ $stopped = no ]; do
     seed=$((seed + 1))
     before=$shot
-    count=$((wanted - shot < part ? wanted - shot : part))
+    # Equal parts are rounded down, some by a fifth: of a last one, more is asked.
+    left=$((wanted - shot))
+    count=$((left < part ? left + left / 3 + 1000 : part))
     echo "$row: $shot of $wanted rays shot, the next $count with seed $seed"
     "$program" --gtest_filter="Stability.$test" --gtest_brief=1 --rays "$count" --seed "$seed" --ledger "$ledger" || result=1
     read -r shot _ <<<"$(of_row "$row")"
-    # Equal parts are rounded down: what is left may be less than a row can shoot.
-    if [ "$shot" -eq "$before" ] || [ $((wanted - shot)) -lt $((wanted / 50)) ]; then break; fi
+    if [ "$shot" -eq "$before" ]; then break; fi
   done
 done <<<"$sizes"
 table
