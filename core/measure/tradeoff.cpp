@@ -230,7 +230,11 @@ class Measurement {
       if (!takes_part(method, rays.kind)) continue;
       of_method.push_back(i);
       contenders.push_back({[&method, &rays, this] { return method.trace(rays, options_.stop); },
-                            [&method, &rays] { method.prepare(rays); },
+                            // Not with the caches full of another's tree.
+                            [&method, &rays, this] {
+                              method.prepare(rays);
+                              (void)method.trace(rays, options_.stop);
+                            },
                             {},
                             {}});
     }

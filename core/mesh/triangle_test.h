@@ -114,13 +114,18 @@ inline bool intersect_triangle_fast(const ObjectRay& ray, const Vec3f& p0, const
   // Outside this range the products below leave the range of float.
   const float size = std::abs(determinant);
   if (!(size > 0x1p-80F && size < 0x1p80F)) return intersect_triangle_robust(ray, p0, p1, p2, hit);
-  const float inverse = 1.F / determinant;
   const Vec3f from_p0 = ray.cull_origin - p0;
-  const float u = glm::dot(from_p0, p) * inverse;
-  if (!(u >= 0.F && u <= 1.F)) return false;
   const Vec3f q = glm::cross(from_p0, e1);
-  const float v = glm::dot(ray.cull_direction, q) * inverse;
-  if (!(v >= 0.F && u + v <= 1.F)) return false;
+  const float u_size = glm::dot(from_p0, p);
+  const float v_size = glm::dot(ray.cull_direction, q);
+  // Most candidates end here, before the division: nothing that the comparisons below let pass.
+  const float sign = std::copysign(1.F, determinant);
+  if (std::min(sign * u_size, sign * v_size) < -0x1p-60F || sign * (u_size + v_size) > 1.0001F * size)
+    return false;
+  const float inverse = 1.F / determinant;
+  const float u = u_size * inverse;
+  const float v = v_size * inverse;
+  if (!(u >= 0.F && u <= 1.F && v >= 0.F && u + v <= 1.F)) return false;
   const float s = glm::dot(e2, q) * inverse;
 
   const Vec3f difference = (ray.cull_origin + s * ray.cull_direction) - (p0 + u * e1 + v * e2);
