@@ -69,7 +69,7 @@ ObjectReader::ObjectReader(const JsonNode& node, std::span<const std::string_vie
 
 const JsonNode* ObjectReader::find(std::string_view name) const {
   const auto it = std::find(known_.begin(), known_.end(), name);
-  const auto& slot = found_[std::size_t(it - known_.begin())];
+  const auto& slot = found_.at(std::size_t(it - known_.begin()));  // a name that is not known is our mistake
   return slot ? &*slot : nullptr;
 }
 
