@@ -4,6 +4,8 @@
 #include <cstring>
 #include <new>
 
+#include "core/tlas/cell_reader.h"
+
 namespace gridcast::tlas {
 namespace {
 
@@ -44,29 +46,29 @@ void for_each_bit(std::uint64_t bits, const Visit& visit) {
 }  // namespace
 
 // Counting sort by cell: counts, sums, then every reference to its place, in the order of ids.
-void BlockBuilder::file(const CellRange& cells, std::span<const std::uint32_t> listed) {
-  if (records_.size() < listed.size()) records_.resize(listed.size());
-  if (cells_.size() < listed.size()) cells_.resize(listed.size());
+void BlockBuilder::file(const CellRange& cells, std::uint64_t wanted, std::span<const std::uint32_t> filed) {
+  if (records_.size() < filed.size()) records_.resize(filed.size());
+  if (cells_.size() < filed.size()) cells_.resize(filed.size());
   std::fill(std::begin(first_), std::end(first_), 0U);
   // Neighbours in a block are seldom neighbours in the table, so their boxes are asked for early.
   constexpr std::size_t kAhead = 12;
-  for (std::size_t k = 0; k < listed.size(); ++k) {
-    if (k + kAhead < listed.size()) {
-      const auto* ahead = &boxes_[listed[k + kAhead]];
+  for (std::size_t k = 0; k < filed.size(); ++k) {
+    if (k + kAhead < filed.size()) {
+      const auto* ahead = &boxes_[filed[k + kAhead]];
       __builtin_prefetch(ahead);
       __builtin_prefetch(&ahead->drift);
     }
-    const std::uint32_t id = listed[k];
+    const std::uint32_t id = filed[k];
     const Bounds3d room = layout_.grown(boxes_[id]);
     BoxRecord& record = records_[k];
     record = {layout_.local_box(room), id, ranges_.empty() ? layout_.range_within(room) : ranges_[id]};
-    cells_[k] = layout_.bits_of(record.range.intersection(cells));
+    cells_[k] = layout_.bits_of(record.range.intersection(cells)) & wanted;
     for_each_bit(cells_[k], [&](std::uint32_t local) { ++first_[local + 1]; });
   }
   for (std::size_t c = 1; c < std::size(first_); ++c) first_[c] += first_[c - 1];
   references_.resize(first_[std::size(first_) - 1]);
   // Filling moves the start of each cell to that of the next one, so the starts are shifted back afterwards.
-  for (std::size_t k = 0; k < listed.size(); ++k)
+  for (std::size_t k = 0; k < filed.size(); ++k)
     for_each_bit(cells_[k], [&](std::uint32_t local) { references_[first_[local]++] = &records_[k]; });
   std::rotate(std::begin(first_), std::end(first_) - 1, std::end(first_));
   first_[0] = 0;
@@ -90,31 +92,62 @@ void BlockBuilder::write_cell(std::byte* at, std::span<const BoxRecord* const> r
 
 std::shared_ptr<const GridBlock> BlockBuilder::make(std::uint32_t block,
                                                     std::span<const std::uint32_t> listed) {
+  static const GridBlock kNothing;
+  return patch(block, kNothing, DirtyCells(), listed, listed);
+}
+
+std::shared_ptr<const GridBlock> BlockBuilder::patch(std::uint32_t block, const GridBlock& old,
+                                                     const DirtyCells& dirty,
+                                                     std::span<const std::uint32_t> filed,
+                                                     std::span<const std::uint32_t> listed) {
   if (listed.empty()) return nullptr;
   const CellRange cells = layout_.cells_of_block(block);
-  file(cells, listed);
-  std::uint64_t occupied = 0;
+  file(cells, dirty.bits, filed);
+  std::uint64_t occupied = old.occupancy() & ~dirty.bits;
   std::size_t group_lines = 0;
-  std::uint32_t trees = 0;
-  for (std::uint32_t local = 0; local < 64; ++local) {
-    const std::size_t count = first_[local + 1] - first_[local];
-    if (count == 0) continue;
+  std::uint32_t trees = old.tree_count() - dirty.trees;
+  for_each_bit(occupied, [&](std::uint32_t local) { group_lines += old.lines_of(local); });
+  for_each_bit(dirty.bits, [&](std::uint32_t local) {
+    if (size_of(local) == 0) return;
     occupied |= std::uint64_t(1) << local;
-    group_lines += lines_of_cell(count);
-    trees += std::uint32_t(kind_of_cell(count) == CellKind::kTree);
-  }
+    group_lines += lines_of_cell(size_of(local));
+    trees += std::uint32_t(kind_of_cell(size_of(local)) == CellKind::kTree);
+  });
+  const auto reference_count = old.reference_count() - dirty.references + std::uint32_t(references_.size());
   std::shared_ptr<GridBlock> made =
-      GridBlock::allocate(occupied, group_lines, listed, std::uint32_t(references_.size()), trees);
+      GridBlock::allocate(occupied, group_lines, listed, reference_count, trees);
   std::size_t rank = 0, line = made->first_group_line();
   // In the order of local indices, which is that of for_each.
   cells.for_each([&](const Cell& cell) {
-    const std::span<const BoxRecord* const> records = references(layout_.local_of(cell));
-    if (records.empty()) return;
-    made->set_start(rank++, line, kind_of_cell(records.size()));
-    write_cell(made->bytes() + line * kLine, records, cell);
-    line += lines_of_cell(records.size());
+    const std::uint32_t local = layout_.local_of(cell);
+    if (!made->occupied(local)) return;
+    std::byte* const at = made->bytes() + line * kLine;
+    const bool is_dirty = ((dirty.bits >> local) & 1U) != 0;
+    const std::size_t lines = is_dirty ? lines_of_cell(size_of(local)) : old.lines_of(local);
+    made->set_start(rank++, line, is_dirty ? kind_of_cell(size_of(local)) : old.cell(local).kind);
+    if (is_dirty) {
+      write_cell(at, references(local), cell);
+    } else {
+      std::memcpy(at, old.cell(local).groups, lines * kLine);
+    }
+    line += lines;
   });
   return made;
+}
+
+DirtyCells::DirtyCells(const GridBlock& block, std::uint64_t dirty) : bits(dirty) {
+  const auto note = [&](std::uint32_t id, const Bounds3f& /*box*/, std::uint32_t /*seen*/) {
+    ids.push_back(id);
+  };
+  const CellReader reader(note);
+  for_each_bit(block.occupancy() & dirty, [&](std::uint32_t local) {
+    const GridBlock::CellStart cell = block.cell(local);
+    reader.read(cell);
+    trees += std::uint32_t(cell.kind == CellKind::kTree);
+  });
+  references = std::uint32_t(ids.size());
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
 }
 
 std::shared_ptr<GridBlock> GridBlock::allocate(std::uint64_t occupied, std::size_t group_lines,
@@ -140,6 +173,13 @@ std::shared_ptr<GridBlock> GridBlock::allocate(std::uint64_t occupied, std::size
 void GridBlock::set_start(std::size_t rank, std::size_t line, CellKind kind) {
   const std::uint32_t start = std::uint32_t(line << 2) | std::uint32_t(kind);
   std::memcpy(bytes() + kStartsOffset + rank * sizeof start, &start, sizeof start);
+}
+
+std::size_t GridBlock::lines_of(std::uint32_t local) const {
+  const std::uint64_t later = occupied_ & (~std::uint64_t(1) << local);
+  const std::byte* const end = later == 0 ? bytes() + std::size_t(listed_line_) * kLineBytes
+                                          : cell(std::uint32_t(std::countr_zero(later))).groups;
+  return std::size_t(end - cell(local).groups) / kLineBytes;
 }
 
 std::size_t GridBlock::first_group_line() const {

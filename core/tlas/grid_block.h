@@ -52,6 +52,7 @@ class alignas(64) GridBlock {
                                                            std::span<const std::uint32_t> listed,
                                                            std::uint32_t references, std::uint32_t trees);
   [[nodiscard]] std::size_t first_group_line() const;
+  [[nodiscard]] std::size_t lines_of(std::uint32_t local) const;      ///< of the groups of an occupied cell
   void set_start(std::size_t rank, std::size_t line, CellKind kind);  ///< of the occupied cell of that rank
   [[nodiscard]] const std::byte* bytes() const {
     const void* self = this;
@@ -68,6 +69,17 @@ class alignas(64) GridBlock {
   std::uint32_t tree_count_ = 0;
 };
 
+/// Cells of a block that are to be made anew, and what they hold until then.
+struct DirtyCells {
+  std::uint64_t bits = ~std::uint64_t(0);
+  std::vector<std::uint32_t> ids;  ///< ascending
+  std::uint32_t references = 0, trees = 0;
+
+  /// All cells of a block that holds nothing.
+  DirtyCells() = default;
+  DirtyCells(const GridBlock& block, std::uint64_t dirty);
+};
+
 /// Makes blocks; one per thread, so that its scratch memory is used again.
 class BlockBuilder {
  public:
@@ -78,9 +90,17 @@ class BlockBuilder {
   /// function of the layout and the boxes alone.
   [[nodiscard]] std::shared_ptr<const GridBlock> make(std::uint32_t block,
                                                       std::span<const std::uint32_t> listed);
+  /// The same from the block as it was, where nothing has changed but in the cells `dirty`: the others are
+  /// copied. `filed` (ascending) has all instances of the dirty cells as they are to be.
+  [[nodiscard]] std::shared_ptr<const GridBlock> patch(std::uint32_t block, const GridBlock& old,
+                                                       const DirtyCells& dirty,
+                                                       std::span<const std::uint32_t> filed,
+                                                       std::span<const std::uint32_t> listed);
 
  private:
-  void file(const CellRange& cells, std::span<const std::uint32_t> listed);
+  /// Finds the references of the cells `wanted` among `cells`.
+  void file(const CellRange& cells, std::uint64_t wanted, std::span<const std::uint32_t> filed);
+  [[nodiscard]] std::uint32_t size_of(std::uint32_t local) const { return first_[local + 1] - first_[local]; }
   [[nodiscard]] std::span<const BoxRecord* const> references(std::size_t local) const {
     return {references_.data() + first_[local], references_.data() + first_[local + 1]};
   }

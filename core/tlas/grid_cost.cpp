@@ -165,6 +165,21 @@ BoxSums sum_boxes(const BoxTable& boxes) {
   return all;
 }
 
+Bounds3d bounds_of(const BoxTable& boxes) {
+  using Range = tbb::blocked_range<std::size_t>;
+  return tbb::parallel_reduce(
+      Range(0, boxes.size(), 8192), Bounds3d(),
+      [&](const Range& range, Bounds3d bounds) {
+        // An empty box changes nothing.
+        for (std::size_t i = range.begin(); i < range.end(); ++i) bounds.extend(boxes[i].bounds);
+        return bounds;
+      },
+      [](Bounds3d a, const Bounds3d& b) {
+        a.extend(b);
+        return a;
+      });
+}
+
 GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells) {
   if (sums.count == 0.0) return {std::nullopt, "There is nothing to hit."};
   if (sums.count == 1.0) return {std::nullopt, "One instance needs no grid."};

@@ -52,6 +52,8 @@ struct BoxSums {
 };
 /// Parallel; the same whatever the number of threads.
 [[nodiscard]] BoxSums sum_boxes(const BoxTable& boxes);
+/// BoxSums::bounds alone, in half of the time.
+[[nodiscard]] Bounds3d bounds_of(const BoxTable& boxes);
 
 struct GridChoice {
   std::optional<GridLayout> layout;  ///< none: test every box by itself

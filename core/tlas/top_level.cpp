@@ -114,7 +114,7 @@ bool TopLevel::worth_rebuilding(std::size_t changes) const {
 
 bool TopLevel::shrunk() {
   changes_at_look_ = changes_since_build_;
-  bounds_ = sum_boxes(boxes_).bounds;
+  bounds_ = bounds_of(boxes_);
   const GridLayout& layout = grid_->layout();
   for (int axis = 0; axis < 3; ++axis)
     if (layout.cells[axis] > 1 && 2.0 * bounds_.extent()[axis] < layout.bounds.extent()[axis]) return true;

@@ -147,22 +147,30 @@ namespace {
 /// A change of what a block lists.
 struct ListEdit {
   std::uint32_t block, instance_id;
-  bool listed;  ///< afterwards
+  bool listed;          ///< afterwards
+  std::uint64_t cells;  ///< of the block that list the instance before or after
 };
 
 std::vector<ListEdit> list_edits(const GridLayout& layout, std::span<const RangeChange> changes) {
   std::vector<ListEdit> edits;
   for (const RangeChange& change : changes) {
     const CellRange before = layout.blocks_of(change.before), after = layout.blocks_of(change.after);
-    const auto add_edits = [&](const CellRange& range, bool listed) {
-      range.for_each([&](const Cell& block) {
-        if (!listed && after.contains(block)) return;
-        const std::uint32_t index = (block[2] * layout.blocks[1] + block[1]) * layout.blocks[0] + block[0];
-        edits.push_back({index, change.instance_id, listed});
-      });
+    const auto cells_in = [&](const CellRange& range, std::uint32_t block) {
+      return layout.bits_of(range.intersection(layout.cells_of_block(block)));
     };
-    add_edits(before, false);
-    add_edits(after, true);
+    const auto index_of = [&](const Cell& block) {
+      return (block[2] * layout.blocks[1] + block[1]) * layout.blocks[0] + block[0];
+    };
+    before.for_each([&](const Cell& block) {
+      if (after.contains(block)) return;
+      const std::uint32_t index = index_of(block);
+      edits.push_back({index, change.instance_id, false, cells_in(change.before, index)});
+    });
+    after.for_each([&](const Cell& block) {
+      const std::uint32_t index = index_of(block);
+      const std::uint64_t left = before.contains(block) ? cells_in(change.before, index) : 0;
+      edits.push_back({index, change.instance_id, true, left | cells_in(change.after, index)});
+    });
   }
   std::sort(edits.begin(), edits.end(), [](const ListEdit& a, const ListEdit& b) {
     return std::tie(a.block, a.instance_id) < std::tie(b.block, b.instance_id);
@@ -184,6 +192,20 @@ std::vector<std::uint32_t> merged(std::span<const std::uint32_t> ids, std::span<
   return listed;
 }
 
+/// A block after the edits; null stands for one without instances.
+std::shared_ptr<const GridBlock> edited(BlockBuilder& builder, const GridBlock* old,
+                                        std::span<const ListEdit> edits) {
+  const std::uint32_t index = edits[0].block;
+  if (old == nullptr) return builder.make(index, merged({}, edits));
+  std::uint64_t cells = 0;
+  for (const ListEdit& edit : edits) cells |= edit.cells;
+  const std::vector<std::uint32_t> listed = merged(old->listed(), edits);
+  const DirtyCells dirty(*old, cells);
+  // Where most of the block changes, filing all is cheaper than finding out what stays.
+  if (2 * dirty.references > old->reference_count()) return builder.make(index, listed);
+  return builder.patch(index, *old, dirty, merged(dirty.ids, edits), listed);
+}
+
 }  // namespace
 
 void UniformGrid::apply(std::span<const RangeChange> changes, const BoxTable& boxes) {
@@ -197,10 +219,8 @@ void UniformGrid::apply(std::span<const RangeChange> changes, const BoxTable& bo
 
   std::vector<std::shared_ptr<const GridBlock>> made(begins.size() - 1);
   make_in_parallel(made.size(), BlockBuilder(layout_, boxes), [&](BlockBuilder& builder, std::size_t k) {
-    const std::uint32_t index = edits[begins[k]].block;
-    const GridBlock* old = block(index);
-    made[k] = builder.make(index, merged(old != nullptr ? old->listed() : std::span<const std::uint32_t>{},
-                                         {edits.data() + begins[k], edits.data() + begins[k + 1]}));
+    const std::span<const ListEdit> here(edits.data() + begins[k], edits.data() + begins[k + 1]);
+    made[k] = edited(builder, block(here[0].block), here);
   });
   for (std::size_t k = 0; k < made.size(); ++k) {
     const std::uint32_t index = edits[begins[k]].block;
