@@ -92,8 +92,8 @@ void BlockBuilder::write_cell(std::byte* at, std::span<const BoxRecord* const> r
 
 std::shared_ptr<const GridBlock> BlockBuilder::make(std::uint32_t block,
                                                     std::span<const std::uint32_t> listed) {
-  static const GridBlock kNothing;
-  return patch(block, kNothing, DirtyCells(), listed, listed);
+  static const GridBlock nothing;
+  return patch(block, nothing, DirtyCells(), listed, listed);
 }
 
 std::shared_ptr<const GridBlock> BlockBuilder::patch(std::uint32_t block, const GridBlock& old,
