@@ -151,7 +151,9 @@ void ExactSubject::judge_t(Row& row, const Shot& shot, const SurfaceHit& hit,
 }
 
 void ExactSubject::judge_normal(Row& row, const Shot& shot, const SurfaceHit& hit) {
-  const double share = triangle(name_of(hit)).normal_share(hit.normal);
+  const WorldTriangle placed = triangle(name_of(hit));
+  const double share = placed.normal_share(hit.normal);
+  seen_.inverse = std::max(seen_.inverse, placed.inverse_roundings());
   seen_.normal = std::max(seen_.normal, share);
   if (!(share <= 1.0))
     row.fail(subject_.spec(), shot, "the normal is off or on the other side: " + describe(hit));
@@ -166,6 +168,7 @@ ExactSubject::Seen& ExactSubject::Seen::operator+=(const Seen& other) {
   flipped += other.flipped;
   height = std::max(height, other.height);
   normal = std::max(normal, other.normal);
+  inverse = std::max(inverse, other.inverse);
   return *this;
 }
 
@@ -174,7 +177,7 @@ void ExactSubject::Seen::tell(const std::string& what) const {
             << undecided << " of " << rays << " rays decided on the way to object space, " << reordered
             << " with another hit in front, " << flipped
             << " hit or missed otherwise; of what is allowed, planes " << height << ", normals " << normal
-            << '\n';
+            << "; inverses off by " << inverse << " roundings\n";
 }
 
 }  // namespace gridcast::stability

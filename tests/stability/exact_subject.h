@@ -35,6 +35,7 @@ class ExactSubject {
     std::size_t reordered = 0;          ///< rays with the same hits, of which robust has another one in front
     std::size_t flipped = 0;            ///< rays that one of the two knows no hit of
     double height = 0.0, normal = 0.0;  ///< largest, in units of what is allowed
+    double inverse = 0.0;               ///< WorldTriangle::inverse_roundings of what was hit, the largest
 
     Seen& operator+=(const Seen& other);
     [[nodiscard]] double bounded_share() const { return hits == 0 ? 0.0 : double(bounded) / double(hits); }

@@ -25,10 +25,22 @@ Ray toward_instance(const SceneSpec& spec, std::uint32_t id, const Vec3d& origin
 }
 
 /// Of what toward_instance() aims, two thirds go to an edge or a corner, where rounding may choose among the
-/// triangles that meet there; whether anything is hit it may choose at borders of soups and at silhouettes.
-void expect_few_undecided(const ExactSubject::Seen& seen) {
-  EXPECT_LT(double(seen.undecided), 0.5 * double(seen.rays));
-  EXPECT_LT(double(seen.flipped), 0.1 * double(seen.rays));
+/// triangles that meet there; whether anything is hit it may choose at borders of soups and at silhouettes,
+/// for `flipped` of the rays at most. The limits are about twice what was measured with several seeds.
+void expect_usual(const ExactSubject::Seen& seen, double flipped) {
+  const auto rays = double(seen.rays);
+  constexpr double kFew = 3.0;
+  EXPECT_LT(double(seen.undecided), 0.5 * rays + kFew);
+  EXPECT_LT(double(seen.reordered), 0.03 * rays + kFew);
+  EXPECT_LT(double(seen.flipped), flipped * rays + kFew);
+  EXPECT_LT(seen.inverse, 7.0);
+}
+
+/// Squeezed along some line of the world, which the matrix shows in no row or column: from a point beside the
+/// instance, digits cancel on the way to object space.
+Affine flattened(const Affine& affine, double by, test::Random& random) {
+  const Mat3d turn = scene::random_affine(random, 0.0, 1.0).linear;
+  return {turn * Mat3d(1, 0, 0, 0, 1, 0, 0, 0, by) * affine.linear, affine.translation};
 }
 
 // 25 spheres in one another, from 1e-12 to 1e12 in size: from outside the largest is hit, from the middle the
@@ -52,7 +64,7 @@ TEST(Stability, RC16_TinyAndHugeInOneScene) {
     subject.shoot(row, std::move(shots));
   });
   subject.seen().tell("25 sizes");
-  expect_few_undecided(subject.seen());
+  expect_usual(subject.seen(), 0.001);
   // Scaled by a power of two nothing changes but the unit.
   const Affine where = {Mat3d(0.75, 0.5, 0, -0.25, 1, 0, 0, 0.5, 2), Vec3d(3, -5, 0.25)};
   const Subject here(placed(spec.meshes[0], where));
@@ -131,24 +143,33 @@ TEST(Stability, RC22_SkewedAndMirroredInstances) {
     for (std::size_t k = 0; k < count; ++k) {
       SceneSpec spec;
       spec.meshes = {generated("jittered_icosphere 1 22"), generated("soup 40 9 0.5")};
-      for (int i = 0; i < 6; ++i)
-        spec.instances.push_back(
-            {random.below(2), scene::random_affine(random, 3.0, std::exp2(random.uniform(-4.0, 1.0)))});
+      for (std::uint32_t i = 0; i < 6; ++i) {
+        const Affine any = scene::random_affine(random, 3.0, std::exp2(random.uniform(-4.0, 1.0)));
+        const double by = std::exp2(-random.uniform(0.0, 20.0));
+        spec.instances.push_back({random.below(2), i % 3 == 0 ? flattened(any, by, random) : any});
+      }
       ExactSubject subject(spec);
       std::vector<Shot> shots;
-      for (std::size_t i = 0; i < kRaysPerScene; ++i)
-        shots.push_back({toward_instance(spec, random.below(6), random.in_box(8.0), random), {}, {}});
+      for (std::size_t i = 0; i < kRaysPerScene; ++i) {
+        const std::uint32_t id = random.below(6);
+        const Vec3d beside = spec.instances[id].world_from_object.point(random.in_box(3.0));
+        const Vec3d origin = random.below(2) == 0 ? beside : random.in_box(8.0);
+        Shot shot{toward_instance(spec, id, origin, random), {}, {}};
+        // What it is aimed at lies at t = 1, but for rounding.
+        if (i % 4 == 0) (random.below(2) == 0 ? shot.ray.tnear : shot.ray.tfar) = 1.0;
+        shots.push_back(shot);
+      }
       subject.judge(row, std::move(shots));
       seen += subject.seen();
     }
   });
   seen.tell("skewed and mirrored");
-  expect_few_undecided(seen);
+  expect_usual(seen, 0.13);
 }
 
 // Scales that differ by up to 1e16 along the axes of the mesh lose nothing (the condition that counts is that
-// of |A||B|, which does not see them); flattened to a plane, a line or a point, a file's instance is never
-// hit and an update that asks for one is refused.
+// of |A||B|, which does not see them), along those of the world they lose as much; flattened to a plane, a
+// line or a point, a file's instance is never hit and an update that asks for one is refused.
 TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
   Row row(23, 2000);
   ExactSubject::Seen seen;
@@ -160,6 +181,8 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
     for (const Vec3d& flat :
          {Vec3d(1, 1, std::pow(10.0, -k)), Vec3d(1, std::pow(10.0, -k), std::pow(10.0, -k))})
       cases.push_back({{rotation * Mat3d(flat.x, 0, 0, 0, flat.y, 0, 0, 0, flat.z), Vec3d(1, 2, 3)}, false});
+    if (k % 2 == 1 && k < 12)
+      cases.push_back({flattened({rotation, Vec3d(1, 2, 3)}, std::pow(10.0, -k), turns), false});
   }
   for (const Mat3d& rank : {Mat3d(1, 0, 0, 0, 1, 0, 0, 0, 0), Mat3d(1, 0, 0, 0, 0, 0, 0, 0, 0), Mat3d(0.0),
                             Mat3d(1, 2, 3, 2, 4, 6, 1, 1, 1)})
@@ -192,7 +215,7 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
     seen += subject.seen();
   }
   seen.tell("nearly singular");
-  expect_few_undecided(seen);
+  expect_usual(seen, 0.08);
 }
 
 }  // namespace

@@ -21,12 +21,16 @@ Wide3 cross_of_sizes(const Wide3& a, const Wide3& b) {
   return {p.y * q.z + p.z * q.y, p.z * q.x + p.x * q.z, p.x * q.y + p.y * q.x};
 }
 
-/// e of the stored inverse B: the largest row sum of |A B - I|, and twelve roundings of |A||B| for what is
-/// computed with it.
-Wide round_trip(const InstanceTransform& transform) {
+/// The stored inverse B of A: the largest row sums of |A B - I| and of |A||B|, and e.
+struct RoundTrip {
+  Wide residual = 0, condition = 0, error = 0;
+};
+
+/// e is the residual and twelve roundings of |A||B| for what is computed with B, by rows.
+RoundTrip round_trip(const InstanceTransform& transform) {
   const Mat3d& a = transform.world_from_object().linear;
   const Mat3d& b = transform.object_from_world_linear();
-  Wide worst = 0;
+  RoundTrip worst;
   for (int row = 0; row < 3; ++row) {
     Wide off = 0, sizes = 0;
     for (int column = 0; column < 3; ++column) {
@@ -38,7 +42,9 @@ Wide round_trip(const InstanceTransform& transform) {
       }
       off += std::abs(sum);
     }
-    worst = std::max(worst, off + 12 * 0x1p-53L * sizes);
+    worst.residual = std::max(worst.residual, off);
+    worst.condition = std::max(worst.condition, sizes);
+    worst.error = std::max(worst.error, off + 12 * 0x1p-53L * sizes);
   }
   return worst;
 }
@@ -66,7 +72,10 @@ Wide distance(const Ray& ray, const Wide3& a, const Wide3& b) {
 }  // namespace
 
 WorldTriangle::WorldTriangle(const InstanceTransform& transform, const std::array<Vec3f, 3>& corners)
-    : transform_(transform), round_trip_(round_trip(transform)) {
+    : transform_(transform) {
+  const RoundTrip inverse = round_trip(transform);
+  round_trip_ = inverse.error;
+  inverse_roundings_ = double(inverse.residual / (0x1p-53L * inverse.condition));
   const Affine& placed = transform.world_from_object();
   const Wide3 a(placed.linear[0]), b(placed.linear[1]), c(placed.linear[2]);
   for (std::size_t i = 0; i < 3; ++i) {

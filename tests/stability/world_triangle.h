@@ -35,6 +35,10 @@ class WorldTriangle {
   /// nothing, as for slivers whose area is lost to rounding.
   [[nodiscard]] double normal_share(const Vec3d& normal) const;
 
+  /// How many roundings of |A||B| the stored inverse B is off by, the largest row sum of |A B - I| over 2^-53
+  /// times that of |A||B|. All of the above allows for whatever it is.
+  [[nodiscard]] double inverse_roundings() const { return inverse_roundings_; }
+
  private:
   /// Whether the object-space ray is the world ray itself, so that nothing is turned.
   [[nodiscard]] bool is_image(const Ray& ray) const;
@@ -48,6 +52,7 @@ class WorldTriangle {
   Wide object_normal_ = 0;        ///< length of the normal in object space
   Wide determinant_;
   Wide round_trip_ = 0;  ///< e
+  double inverse_roundings_ = 0.0;
 };
 
 }  // namespace gridcast::stability
