@@ -3,6 +3,7 @@
 #include "proto/reply_columns.h"
 
 namespace gridcast::proto {
+
 RayStats count_statuses(std::span<const RayStatus> status, double trace_ms) {
   RayStats stats;
   stats.rays = status.size();
@@ -18,20 +19,23 @@ RayStats count_statuses(std::span<const RayStatus> status, double trace_ms) {
   return stats;
 }
 
+void write_hit_columns(JsonText& text, const HitColumns& hits, HitField fields) {
+  write_values(text, "t", hits.status, hits.t, 1);
+  if (has(fields, HitField::kInstanceId)) write_values(text, "instance_id", hits.status, hits.instance_id, 1);
+  if (has(fields, HitField::kMeshId)) write_values(text, "mesh_id", hits.status, hits.mesh_id, 1);
+  if (has(fields, HitField::kPrimitiveId))
+    write_values(text, "primitive_id", hits.status, hits.primitive_id, 1);
+  if (has(fields, HitField::kUv)) write_values(text, "uv", hits.status, hits.uv, 2);
+  if (has(fields, HitField::kNormal)) write_values(text, "normal", hits.status, hits.normal, 3);
+  if (has(fields, HitField::kTError))
+    write_column(text, "t_error", hits.status, [&](std::size_t i) { write_bound(text, hits.t_error[i]); });
+}
+
 std::string write_hits_json(const HitColumns& hits, const ReplyHead& head) {
   constexpr std::size_t kBytesPerRay = 128;  // every column of a hit with full digits
   JsonText text(256 + kBytesPerRay * hits.status.size());
   write_start(text, head, hits.status);
-  write_values(text, "t", hits.status, hits.t, 1);
-  if (has(head.fields, HitField::kInstanceId))
-    write_values(text, "instance_id", hits.status, hits.instance_id, 1);
-  if (has(head.fields, HitField::kMeshId)) write_values(text, "mesh_id", hits.status, hits.mesh_id, 1);
-  if (has(head.fields, HitField::kPrimitiveId))
-    write_values(text, "primitive_id", hits.status, hits.primitive_id, 1);
-  if (has(head.fields, HitField::kUv)) write_values(text, "uv", hits.status, hits.uv, 2);
-  if (has(head.fields, HitField::kNormal)) write_values(text, "normal", hits.status, hits.normal, 3);
-  if (has(head.fields, HitField::kTError))
-    write_column(text, "t_error", hits.status, [&](std::size_t i) { write_bound(text, hits.t_error[i]); });
+  write_hit_columns(text, hits, head.fields);
   write_end(text, head);
   return std::move(text).take();
 }
@@ -50,19 +54,22 @@ std::string write_occlusion_json(std::span<const RayStatus> status, const ReplyH
   return std::move(text).take();
 }
 
-BinaryBody write_hits_binary(const HitColumns& hits, const ReplyHead& head) {
+void add_hit_columns(ColumnTable& table, const HitColumns& hits, HitField fields) {
   const std::size_t n = hits.status.size();
-  ColumnTable table;
   table.add("t", "F64", std::span(hits.t), n, 1);
-  if (has(head.fields, HitField::kInstanceId))
-    table.add("instance_id", "U32", std::span(hits.instance_id), n, 1);
-  if (has(head.fields, HitField::kMeshId)) table.add("mesh_id", "U32", std::span(hits.mesh_id), n, 1);
-  if (has(head.fields, HitField::kPrimitiveId))
+  if (has(fields, HitField::kInstanceId)) table.add("instance_id", "U32", std::span(hits.instance_id), n, 1);
+  if (has(fields, HitField::kMeshId)) table.add("mesh_id", "U32", std::span(hits.mesh_id), n, 1);
+  if (has(fields, HitField::kPrimitiveId))
     table.add("primitive_id", "U32", std::span(hits.primitive_id), n, 1);
-  if (has(head.fields, HitField::kUv)) table.add("uv", "F32", std::span(hits.uv), n, 2);
-  if (has(head.fields, HitField::kNormal)) table.add("normal", "F32", std::span(hits.normal), n, 3);
-  if (has(head.fields, HitField::kTError)) table.add("t_error", "F64", std::span(hits.t_error), n, 1);
+  if (has(fields, HitField::kUv)) table.add("uv", "F32", std::span(hits.uv), n, 2);
+  if (has(fields, HitField::kNormal)) table.add("normal", "F32", std::span(hits.normal), n, 3);
+  if (has(fields, HitField::kTError)) table.add("t_error", "F64", std::span(hits.t_error), n, 1);
   table.add("status", "U8", to_bytes(hits.status), n, 1);
+}
+
+BinaryBody write_hits_binary(const HitColumns& hits, const ReplyHead& head) {
+  ColumnTable table;
+  add_hit_columns(table, hits, head.fields);
   return std::move(table).finish(head);
 }
 

@@ -13,6 +13,7 @@ namespace gridcast::proto {
 inline constexpr std::string_view kJsonMediaType = "application/json";
 inline constexpr std::string_view kRaysMediaType = "application/vnd.gridcast.rays";
 inline constexpr std::string_view kPointsMediaType = "application/vnd.gridcast.points";
+inline constexpr std::string_view kPairsMediaType = "application/vnd.gridcast.pairs";
 inline constexpr std::string_view kHitsMediaType = "application/vnd.gridcast.hits";
 inline constexpr std::string_view kVerticesMediaType = "application/vnd.gridcast.vertices";
 inline constexpr std::string_view kInstancesMediaType = "application/vnd.gridcast.instances";

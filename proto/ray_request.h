@@ -13,26 +13,12 @@
 #include "proto/limits.h"
 #include "proto/parsed.h"
 #include "proto/query.h"
+#include "proto/ray_options.h"
 
 namespace gridcast::proto {
 
 /// What is asked about the rays; decides which options a body may have.
 enum class RayQuestion : std::uint8_t { kClosest, kAny, kAll, kCount };
-
-enum class StatsMode : std::uint8_t { kOff, kOn };
-
-/// A name of kHitFieldNames; nothing for any other. `status` and `t` are in every answer, so they add nothing
-/// to a set.
-[[nodiscard]] std::optional<HitField> parse_hit_field(std::string_view name);
-
-/// Given as members of a JSON body or in the query string; the query string wins.
-struct RayOptions {
-  Precision precision = Precision::kRobust;
-  HitField fields = HitField::kAll;
-  StatsMode stats = StatsMode::kOff;      ///< adds counts and times to the answer
-  std::optional<double> deadline_ms;      ///< sooner than the server's own
-  std::optional<std::uint32_t> max_hits;  ///< of a ray, in rays/all
-};
 
 /// Rays of one request, in world space. Single rays may be invalid (zero direction, NaN, infinite origin in
 /// binary): they get a status each in the answer, the request is fine.

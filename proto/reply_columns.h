@@ -139,4 +139,9 @@ inline std::span<const std::uint8_t> to_bytes(std::span<const RayStatus> status)
   return {reinterpret_cast<const std::uint8_t*>(status.data()), status.size()};
 }
 
+/// The columns of hits that a reply is asked for, but for `status` in JSON: see write_hits_json and
+/// write_hits_binary.
+void write_hit_columns(JsonText& text, const HitColumns& hits, HitField fields);
+void add_hit_columns(ColumnTable& table, const HitColumns& hits, HitField fields);
+
 }  // namespace gridcast::proto

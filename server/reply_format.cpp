@@ -10,7 +10,8 @@ namespace gridcast::server {
 std::optional<ReplyFormat> reply_format(const HttpRequest& request) {
   const auto type = proto::parse_media_type(request.header("content-type"));
   const bool binary_first =
-      type && (type->essence == proto::kRaysMediaType || type->essence == proto::kPointsMediaType);
+      type && (type->essence == proto::kRaysMediaType || type->essence == proto::kPointsMediaType ||
+               type->essence == proto::kPairsMediaType);
   std::array<std::string_view, 2> offered{proto::kJsonMediaType, proto::kHitsMediaType};
   if (binary_first) std::swap(offered[0], offered[1]);
   const auto chosen = proto::negotiate(request.header("accept"), offered);
