@@ -56,7 +56,7 @@ Status for_each_piece(const MadeRays& rays, const Trace& trace) {
     rows.resize(count * kColumns);
     make_rows(rays, begin, rows);
     const auto excluded = rays.excluded.empty() ? rays.excluded : rays.excluded.subspan(begin, count);
-    const Status traced =
+    Status traced =
         trace(RayBatch{std::as_bytes(std::span(rows)), ScalarType::kFloat64, kColumns, excluded}, begin);
     if (!traced) return traced;
   }
@@ -67,7 +67,7 @@ Status for_each_piece(const MadeRays& rays, const Trace& trace) {
 template <class Trace, class Keep>
 Status trace_pieces(const MadeRays& rays, const TraceOptions& options, const Trace& trace, const Keep& keep) {
   TraceStats sum, piece;
-  const Status traced = for_each_piece(rays, [&](const RayBatch& batch, std::size_t begin) -> Status {
+  Status traced = for_each_piece(rays, [&](const RayBatch& batch, std::size_t begin) -> Status {
     const TraceOptions of_piece{options.precision, options.fields, options.stop,
                                 progress_of(options.progress, begin, batch.size(), rays.count), &piece};
     const auto answer = trace(batch, of_piece);

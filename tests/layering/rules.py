@@ -13,6 +13,8 @@ ARROWS = {
     "core/tlas/": ["core/error.h", "core/math/"],
     "core/scene/": ["core/error.h", "core/math/", "core/mesh/", "core/blas/", "core/tlas/"],
     "core/render/": ["core/error.h", "core/math/", "core/mesh/", "core/blas/", "core/tlas/", "core/scene/"],
+    # A sensor knows rays and cameras, and no scene: what traces its rays stands above both.
+    "core/sensor/": ["core/error.h", "core/math/", "core/render/camera.h"],
     # A picture file is written from a film; io knows nothing else of render.
     "core/io/": ["core/error.h", "core/math/", "core/mesh/", "core/scene/", "core/render/film.h"],
     "core/measure/": ["core/"],
