@@ -24,6 +24,8 @@ inline constexpr std::array<std::string_view, 2> kWrapNames{"clamp", "loop"};
 /// `op` of a transaction's edits.
 inline constexpr std::array<std::string_view, 6> kEditNames{
     "add_instance", "move_instance", "remove_instance", "replace_vertices", "set_pose", "set_weights"};
+inline constexpr std::array<std::string_view, 5> kSensorTypeNames{"pinhole", "fisheye", "orthographic",
+                                                                  "lidar", "grid"};
 inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "depth", "normal", "id"};
 inline constexpr std::array<std::string_view, 6> kLayerNames{"color",       "depth",   "normal",
                                                              "instance_id", "mesh_id", "primitive_id"};

@@ -48,6 +48,7 @@ Router make_router(Api& api) {
   add_ray_routes(router, api);
   add_point_routes(router, api);
   add_visibility_routes(router, api);
+  add_sensor_routes(router, api);
   add_render_routes(router, api);
   add_tradeoff_routes(router, api);
   add_job_routes(router, api);

@@ -53,6 +53,7 @@ void add_pose_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
 void add_point_routes(Router& router, Api& api);
 void add_visibility_routes(Router& router, Api& api);
+void add_sensor_routes(Router& router, Api& api);
 void add_render_routes(Router& router, Api& api);
 void add_tradeoff_routes(Router& router, Api& api);
 void add_job_routes(Router& router, Api& api);

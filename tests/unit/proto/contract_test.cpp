@@ -51,6 +51,7 @@ TEST(Contract, vocabularies_are_the_published_ones) {
   EXPECT_EQ(words(kPrecisionNames), schema("Precision").at("enum"));
   EXPECT_EQ(words(kUpdateModeNames), schema("UpdateMode").at("enum"));
   EXPECT_EQ(words(kHitFieldNames), schema("HitField").at("enum"));
+  EXPECT_EQ(words(kSensorTypeNames), schema("Sensor").at("properties").at("type").at("enum"));
   EXPECT_EQ(words(kLayerNames), schema("LayerName").at("enum"));
   EXPECT_EQ(words(kIntegratorNames), schema("Render").at("properties").at("integrator").at("enum"));
   const Json& reply = schema("TransactionReply").at("properties").at("edits").at("items").at("properties");
