@@ -10,6 +10,8 @@ namespace {
 using enum ProblemCode;
 
 constexpr std::array kProblems{
+    ProblemKind{kUnauthorized, "unauthorized", 401, "A valid token is required"},
+    ProblemKind{kForbidden, "forbidden", 403, "The token does not allow this"},
     ProblemKind{kInvalidRequest, "invalid_request", 400, "The request breaks HTTP's rules"},
     ProblemKind{kInvalidHeader, "invalid_header", 400, "A header breaks its grammar"},
     ProblemKind{kNotFound, "not_found", 404, "There is no such resource"},
@@ -52,12 +54,14 @@ constexpr std::array kProblems{
     ProblemKind{kJobCancelled, "job_cancelled", 410, "The job was cancelled and has no result"},
     ProblemKind{kLimitExceeded, "limit_exceeded", 413, "The content is larger than a limit"},
     ProblemKind{kTooManyScenes, "too_many_scenes", 507, "The server holds as many scenes as it may"},
+    ProblemKind{kMemoryFull, "memory_full", 507, "The server has no memory left for this"},
     ProblemKind{kStorageFull, "storage_full", 507, "The disk is full; nothing was changed"},
     ProblemKind{kStorageFailed, "storage_failed", 503, "The change could not be stored; nothing was changed"},
     ProblemKind{kSceneDamaged, "scene_damaged", 500, "What is stored of the scene is damaged"},
     ProblemKind{kDrawingUnavailable, "drawing_unavailable", 501,
                 "The server lacks the program that draws this"},
     ProblemKind{kTooManyJobs, "too_many_jobs", 429, "The queue of jobs is full"},
+    ProblemKind{kQuotaExceeded, "quota_exceeded", 429, "The token's quota is used up"},
     ProblemKind{kDeadlineExceeded, "deadline_exceeded", 504, "The request took longer than its deadline"},
     ProblemKind{kCancelled, "cancelled", 503, "The request was stopped before it was done"},
     ProblemKind{kOverloaded, "overloaded", 503, "The server has too much to do"},

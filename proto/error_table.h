@@ -12,6 +12,8 @@ namespace gridcast::proto {
 
 enum class ProblemCode : std::uint8_t {
   // the request itself
+  kUnauthorized,
+  kForbidden,
   kInvalidRequest,
   kInvalidHeader,
   kNotFound,
@@ -53,11 +55,13 @@ enum class ProblemCode : std::uint8_t {
   // the server
   kLimitExceeded,
   kTooManyScenes,
+  kMemoryFull,
   kStorageFull,
   kStorageFailed,
   kSceneDamaged,
   kDrawingUnavailable,
   kTooManyJobs,
+  kQuotaExceeded,
   kDeadlineExceeded,
   kCancelled,
   kOverloaded,
@@ -83,6 +87,7 @@ struct Problem {
   ProblemCode code = ProblemCode::kInternal;
   std::string detail;
   std::string pointer;
+  int retry_after_s = 1;  ///< of 429 and 503
 
   [[nodiscard]] int status() const { return describe(code).status; }
 };

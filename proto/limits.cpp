@@ -39,6 +39,7 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"idempotency_keys", limits.idempotency_keys},
           {"idempotency_bytes", limits.idempotency_bytes},
           {"idempotency_keep_ms", limits.idempotency_keep_ms},
+          {"memory_budget_bytes", limits.memory_budget_bytes},
           {"event_streams", limits.event_streams}};
 }
 

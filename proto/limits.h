@@ -58,6 +58,9 @@ struct Limits {
   std::size_t idempotency_keys = 10'000;
   std::size_t idempotency_bytes = std::size_t(64) << 20;  ///< of all of them together
   double idempotency_keep_ms = 3'600'000.0;
+  /// Of the whole process: what adds to scenes and large bodies are refused at 85 %, all new work at 95 %.
+  /// 0: no budget.
+  std::uint64_t memory_budget_bytes = 0;
   /// Open streams of events: each holds a connection's thread.
   std::size_t event_streams = 16;
 };

@@ -61,7 +61,8 @@ TradeoffRequest read_members(const ObjectReader& object, std::size_t max_threads
   return request;
 }
 
-/// Rays traced in all: every method traces the timed rays once more to warm up.
+}  // namespace
+
 std::uint64_t traces(const TradeoffRequest& request) {
   const std::size_t structures =
       request.structures.empty() ? kBuiltStructureNames.size() : request.structures.size();
@@ -70,8 +71,6 @@ std::uint64_t traces(const TradeoffRequest& request) {
       request.accuracy_rays + std::uint64_t(request.repeat + 1) * request.speed_rays;
   return request.ray_classes.size() * methods * per_method;
 }
-
-}  // namespace
 
 Parsed<TradeoffRequest> parse_tradeoff_request(std::string_view body, std::size_t max_threads,
                                                const Limits& limits) {

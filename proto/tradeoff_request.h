@@ -26,6 +26,9 @@ struct TradeoffRequest {
   std::optional<double> deadline_ms;  ///< of the job's work
 };
 
+/// Rays traced in all: every method traces the timed rays once more to warm up.
+[[nodiscard]] std::uint64_t traces(const TradeoffRequest& request);
+
 /// JSON with members as above, all optional. Problems: out_of_range for counts over a limit, for more than
 /// `max_threads`, and for a sweep that traces more rays than limits.tradeoff_traces in all.
 [[nodiscard]] Parsed<TradeoffRequest> parse_tradeoff_request(std::string_view body, std::size_t max_threads,

@@ -14,6 +14,7 @@
 #include "server/http_types.h"
 #include "server/jobs.h"
 #include "server/kept_answers.h"
+#include "server/memory_budget.h"
 #include "server/metrics.h"
 #include "server/router.h"
 #include "server/scene_store.h"
@@ -28,6 +29,7 @@ struct Api {
   TreeBuilder trees;
   SceneStore store;
   Metrics metrics;
+  MemoryBudget memory;
   WorkGate gate{1};  ///< queries, builds, jobs
   /// Updates that refit or build: apart from `gate`, so that none waits for a query.
   WorkGate update_gate{1};

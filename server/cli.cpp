@@ -72,6 +72,7 @@ int run_command_line(int argc, char** argv) {
   commands.push_back(make_info_command(program));
   commands.push_back(make_bench_command(program));
   commands.push_back(make_chart_command(program));
+  commands.push_back(make_token_command(program));
   std::string isa;
   add_isa_option(program, isa);
   if (argc > 1 && is_unknown_command(program, argv[1])) {

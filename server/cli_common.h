@@ -74,5 +74,6 @@ class Command {
 [[nodiscard]] std::unique_ptr<Command> make_info_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_bench_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_chart_command(CLI::App& program);
+[[nodiscard]] std::unique_ptr<Command> make_token_command(CLI::App& program);
 
 }  // namespace gridcast::server

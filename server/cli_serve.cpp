@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -8,8 +10,9 @@
 
 #include <malloc.h>
 
+#include "server/access/access_control.h"
 #include "server/api.h"
-#include "server/cli_common.h"
+#include "server/cli_serve_options.h"
 #include "server/http_server.h"
 #include "server/load.h"
 #include "server/log.h"
@@ -27,32 +30,17 @@ a second one ends at once.
 With --data-dir an upload, an update or a deletion is answered when it is on disk: no crash and no loss of power takes
 it back. Jobs are not kept. One server has one data folder. Without it scenes go when the program ends.
 
-There is no authentication yet: whoever reaches the port may do everything. It listens on the loopback address
-unless --allow-public is given as well.
+Without --tokens whoever reaches the port may do everything; it listens on the loopback address then, unless told
+otherwise twice. With it every request but the probes needs a token of the file: 'gridcast token --help' says more.
+There is no TLS: on the open network put a proxy before it, as docker/compose.yaml does.
 
 Examples:
   gridcast serve --port 8080 --load engine=engine.glb
   gridcast serve --port 8080 --data-dir /var/lib/gridcast
+  gridcast serve --port 8080 --tokens tokens
   curl -s --data-binary @engine.glb -H 'Content-Type: model/gltf-binary' 'http://127.0.0.1:8080/v1/scenes?name=engine'
   curl -s http://127.0.0.1:8080/v1/scenes/engine/rays/closest -H 'Content-Type: application/json' \
        -d '{"origins": [[0,0,900]], "directions": [[0,0,-1]]}')";
-
-bool is_loopback(const std::string& host) {
-  return host == "localhost" || host == "::1" || host.rfind("127.", 0) == 0;
-}
-
-struct ServeOptions {
-  HttpServerOptions http;
-  proto::Limits limits;
-  std::size_t threads = 0;
-  std::vector<std::string> load;  ///< NAME=FILE
-  std::string log_level = "info";
-  std::string log_format = "text";
-  bool allow_public = false;
-  std::string data_folder;  ///< empty: scenes live in memory alone
-  bool ephemeral = false;
-  store::ArchiveOptions archive;
-};
 
 /// Large blocks go back to the system when they are freed, and many threads share a few heaps: else memory of
 /// refused and deleted scenes would stay with us.
@@ -62,85 +50,21 @@ void return_freed_memory() {
   ::mallopt(M_TRIM_THRESHOLD, 1024 * 1024);
 }
 
-void add_limit_options(CLI::App& app, proto::Limits& limits) {
-  const char* group = "Limits (published at GET /v1)";
-  const auto add = [&](const char* flag, auto& value, const char* help) {
-    app.add_option(flag, value, help)->capture_default_str()->check(CLI::PositiveNumber)->group(group);
-  };
-  add("--max-json-bytes", limits.json_bytes, "A JSON body");
-  add("--max-json-rays", limits.json_rays, "Rays in a JSON body");
-  add("--max-json-hits", limits.json_hits, "Hits in a JSON answer of rays/all");
-  add("--max-binary-hits", limits.binary_hits, "Hits in a binary answer of rays/all");
-  add("--max-binary-bytes", limits.binary_bytes, "A binary body");
-  add("--max-binary-rays", limits.binary_rays, "Rays in a binary body");
-  add("--max-glb-bytes", limits.glb_bytes, "A model");
-  add("--max-image-side", limits.image_side_px, "Pixels of a picture's side");
-  add("--max-image-samples", limits.image_samples, "Width x height x samples of a picture");
-  add("--max-tradeoff-triangles", limits.tradeoff_triangles,
-      "Triangles and instances of a scene to be measured");
-  add("--max-tradeoff-accuracy-rays", limits.tradeoff_accuracy_rays, "Rays of a class that are compared");
-  add("--max-tradeoff-speed-rays", limits.tradeoff_speed_rays, "Rays of a class that are timed");
-  add("--max-tradeoff-repeat", limits.tradeoff_repeat, "Timings of a class");
-  add("--max-tradeoff-traces", limits.tradeoff_traces, "Rays that one measurement traces in all");
-  add("--max-scenes", limits.scenes, "Scenes at once");
-  add("--deadline-ms", limits.deadline_ms, "A request's work, the wait in the queue included");
-  add("--max-queued-jobs", limits.jobs_queued, "Jobs that may wait");
-  add("--max-kept-jobs", limits.jobs_kept, "Ended jobs that can be asked for");
-  add("--max-job-result-bytes", limits.job_result_bytes, "Results of ended jobs, all together");
-  add("--job-keep-ms", limits.job_keep_ms, "How long an ended job is kept");
-  add("--job-deadline-ms", limits.job_deadline_ms, "A job's work, without the wait in the queue");
-  add("--max-idempotency-keys", limits.idempotency_keys, "Answers kept for those who ask again");
-  add("--max-idempotency-bytes", limits.idempotency_bytes, "Of all of them together");
-  add("--idempotency-keep-ms", limits.idempotency_keep_ms, "How long such an answer is kept");
-  add("--max-event-streams", limits.event_streams,
-      "Streams of events at once; at most a quarter of the connections");
-}
-
 class ServeCommand final : public Command {
  public:
   explicit ServeCommand(CLI::App& app) : Command(app) {
     app.footer(kFooter);
-    app.add_option("--host", options_.http.host, "Address to listen on")->capture_default_str();
-    app.add_option("--port", options_.http.port, "Port; 0 = any free one")
-        ->capture_default_str()
-        ->check(CLI::Range(0, 65535));
-    app.add_option("--load", options_.load, "Load a scene before serving: NAME=FILE.glb (repeatable)");
-    add_storage_options(app);
-    app.add_option("--threads", options_.threads, "Threads for builds, rays and pictures; 0 = every core")
-        ->capture_default_str()
-        ->check(CLI::Range(0, 4096));
-    app.add_option("--max-connections", options_.http.connection_threads, "Connections served at once")
-        ->capture_default_str()
-        ->check(CLI::Range(1, 4096));
-    app.add_option("--max-queued-connections", options_.http.max_queued_connections,
-                   "Connections that may wait")
-        ->capture_default_str()
-        ->check(CLI::Range(0, 65536));
-    add_limit_options(app, options_.limits);
-    app.add_option("--log-level", options_.log_level, "debug, info, warning, error or off")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"debug", "info", "warning", "error", "off"}));
-    app.add_option("--log-format", options_.log_format, "text or json")
-        ->capture_default_str()
-        ->check(CLI::IsMember({"text", "json"}));
-    app.add_flag("--allow-public", options_.allow_public, "Allow a --host that is not a loopback address");
+    add_serve_options(app, options_);
   }
 
   int run(const std::stop_token& stop) override {
-    if (!is_loopback(options_.http.host) && !options_.allow_public) {
-      std::fprintf(stderr,
-                   "gridcast: --host %s can be reached by others and there is no authentication; "
-                   "add --allow-public if that is meant\n",
-                   options_.http.host.c_str());
-      return kExitUsage;
-    }
-    for (const std::string& item : options_.load) {
-      if (item.find('=') != item.npos && SceneStore::is_valid_id(item.substr(0, item.find('=')))) continue;
-      std::fprintf(stderr, "gridcast: --load takes NAME=FILE, NAME of letters, digits, '_', '.' and '-'\n");
+    if (const std::string complaint = complain_about(options_); !complaint.empty()) {
+      std::fprintf(stderr, "gridcast: %s\n", complaint.c_str());
       return kExitUsage;
     }
     start_log(options_.log_level, options_.log_format == "json" ? LogFormat::kJson : LogFormat::kText);
-    if (!is_loopback(options_.http.host)) log_warning("listening on a public address without authentication");
+    if (!is_loopback(options_.http.host)) warn_of_public_address();
+    if (const Status opened = open_access(); !opened) return report("serve", opened.error());
     return_freed_memory();
     const ThreadLimit limit(options_.threads);
     // Each stream holds a connection's thread: most of them stay free for requests.
@@ -156,23 +80,26 @@ class ServeCommand final : public Command {
   }
 
  private:
-  void add_storage_options(CLI::App& app) {
-    const char* group = "Storage";
-    CLI::Option* folder =
-        app.add_option("--data-dir", options_.data_folder,
-                       "Folder that keeps the scenes: they survive restarts, crashes and power "
-                       "loss; made when missing")
-            ->group(group);
-    app.add_flag("--ephemeral", options_.ephemeral,
-                 "Keep scenes in memory alone, nothing on disk (the default)")
-        ->excludes(folder)
-        ->group(group);
-    app.add_option("--compact-bytes", options_.archive.log_bytes,
-                   "Updates of a scene that are folded into a new snapshot when they take more than this and "
-                   "than its last snapshot")
-        ->capture_default_str()
-        ->needs(folder)
-        ->group(group);
+  void warn_of_public_address() const {
+    log_warning(options_.tokens_file.empty()
+                    ? "listening on a public address without access control"
+                    : "listening on a public address without TLS: tokens can be read on the way");
+  }
+
+  Status open_access() {
+    if (options_.tokens_file.empty()) return ok_status();
+    auto access = access::AccessControl::open(options_.tokens_file);
+    if (!access) return access.error();
+    access_ = std::move(access).value();
+    options_.http.access = access_.get();
+    hangup_.emplace([this] {
+      const Status read = access_->reload();
+      if (read)
+        log_info("read the tokens again");
+      else
+        log_error("kept the tokens as they were: " + read.error().message + " (" + read.error().where + ")");
+    });
+    return ok_status();
   }
 
   /// Null for scenes in memory alone.
@@ -185,6 +112,7 @@ class ServeCommand final : public Command {
 
   int serve(Api& api, std::atomic<bool>& loaded, const std::stop_token& stop) {
     options_.http.deadline = std::chrono::milliseconds(std::int64_t(options_.limits.deadline_ms));
+    options_.http.memory = &api.memory;
     HttpServer http(make_router(api), options_.http, [&api](const RequestRecord& record) {
       api.metrics.count_request(record);
       log_request(record);
@@ -239,6 +167,8 @@ class ServeCommand final : public Command {
   }
 
   ServeOptions options_;
+  std::unique_ptr<access::AccessControl> access_;
+  std::optional<HangupWatch> hangup_;
 };
 
 }  // namespace

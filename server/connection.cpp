@@ -1,12 +1,14 @@
 #include "server/connection.h"
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <charconv>
 #include <utility>
 
 #include <poll.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 namespace gridcast::server {
 namespace {
@@ -17,7 +19,8 @@ using proto::ProblemCode;
 constexpr std::size_t kReceiveBytes = std::size_t(256) << 10;
 // A chunk's size in hexadecimal digits and its extensions; trailers are bounded the same way.
 constexpr std::size_t kMaxChunkLine = 256;
-constexpr std::chrono::milliseconds kSlice{100};  // how often an idle connection looks whether to stop
+constexpr std::chrono::milliseconds kDrain{500};
+constexpr std::string_view kHeadEnd = "\r\n\r\n";
 
 /// True when `socket` is ready for `events` before `until`.
 bool wait_for(int socket, short events, Clock::time_point until) {
@@ -40,8 +43,12 @@ BodyError broken_body(Clock::time_point deadline) {
 
 }  // namespace
 
-Connection::Connection(int socket, const ConnectionLimits& limits, std::function<bool()> stopping)
-    : socket_(socket), limits_(limits), stopping_(std::move(stopping)) {}
+Connection::Connection(int socket, const ConnectionLimits& limits) : socket_(socket), limits_(limits) {}
+
+Connection::~Connection() {
+  ::shutdown(socket_, SHUT_RDWR);
+  ::close(socket_);
+}
 
 bool Connection::receive(Clock::time_point until) {
   if (!wait_for(socket_, POLLIN, until)) return false;
@@ -52,32 +59,52 @@ bool Connection::receive(Clock::time_point until) {
   return n > 0;
 }
 
-std::optional<std::variant<HttpHead, HeadError>> Connection::read_head() {
-  const Clock::time_point idle_until = Clock::now() + limits_.keep_alive;
-  while (buffer_.empty()) {
-    if (stopping_() || Clock::now() >= idle_until) return std::nullopt;
-    if (wait_for(socket_, POLLIN, Clock::now() + kSlice) && !receive(Clock::now())) return std::nullopt;
-  }
-  head_started_ = Clock::now();
-  const Clock::time_point until = head_started_ + limits_.head;
-  std::size_t end = buffer_.find("\r\n\r\n");
-  while (end == buffer_.npos && buffer_.size() <= kMaxHeadBytes) {
-    const std::size_t seen = buffer_.size();
-    if (!receive(until)) {
-      if (Clock::now() >= until) return HeadError{ProblemCode::kInvalidRequest, "the head came too slowly"};
-      return std::nullopt;
-    }
-    end = buffer_.find("\r\n\r\n", seen < 3 ? 0 : seen - 3);
-  }
-  if (end == buffer_.npos || end + 4 > kMaxHeadBytes) {
+Arrived Connection::look() {
+  if (!draining_ && (head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes)) return Arrived::kHead;
+  // Many wait at once: what each holds follows what it has sent.
+  std::array<char, kMaxHeadBytes> piece{};
+  const ssize_t n = ::recv(socket_, piece.data(), piece.size(), MSG_DONTWAIT);
+  if (n < 0 && (errno == EAGAIN || errno == EINTR)) return Arrived::kNotYet;
+  if (n <= 0) return Arrived::kEnd;
+  if (draining_) return Arrived::kNotYet;
+  if (buffer_.empty()) waits_since_ = Clock::now();
+  const std::size_t seen = buffer_.size();
+  buffer_.append(piece.data(), std::size_t(n));
+  head_end_ = buffer_.find(kHeadEnd, seen < 3 ? 0 : seen - 3);
+  return head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes ? Arrived::kHead : Arrived::kNotYet;
+}
+
+Arrived Connection::look_within(std::chrono::milliseconds time) {
+  const Arrived at_once = look();
+  if (at_once != Arrived::kNotYet || !wait_for(socket_, POLLIN, Clock::now() + time)) return at_once;
+  return look();
+}
+
+Clock::time_point Connection::waits_until() const {
+  if (draining_) return waits_since_ + kDrain;
+  return waits_since_ + (buffer_.empty() ? limits_.keep_alive : limits_.head);
+}
+
+std::optional<std::variant<HttpHead, HeadError>> Connection::take_head() {
+  if (head_end_ == buffer_.npos && buffer_.size() <= kMaxHeadBytes) return std::nullopt;
+  ++heads_taken_;
+  if (head_end_ == buffer_.npos || head_end_ + kHeadEnd.size() > kMaxHeadBytes) {
     const bool long_target = buffer_.find("\r\n") > kMaxTargetBytes;
     return long_target ? HeadError{ProblemCode::kUriTooLong, "the request target is too long"}
                        : HeadError{ProblemCode::kHeadersTooLarge, "the head is larger than 16 KiB"};
   }
-  const std::string head = buffer_.substr(0, end + 4);
-  buffer_.erase(0, end + 4);
+  const std::string head = buffer_.substr(0, head_end_ + kHeadEnd.size());
+  buffer_.erase(0, head.size());
+  // What follows may be a body, a next head, or its beginning: known when the body is read.
+  head_end_ = buffer_.npos;
   auto parsed = parse_head(head);
   return parsed;
+}
+
+void Connection::begin_wait() {
+  waits_since_ = Clock::now();
+  head_end_ = buffer_.find(kHeadEnd);
+  if (buffer_.empty()) std::string().swap(buffer_);
 }
 
 std::variant<std::string, BodyError> Connection::read_body(const HttpHead& head, std::size_t max_bytes) {
@@ -175,14 +202,14 @@ bool Connection::write(std::string_view bytes) {
   return true;
 }
 
-void Connection::close_gently() {
-  constexpr std::chrono::milliseconds kDrain{500};
+void Connection::write_now(std::string_view bytes) const {
+  (void)::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+}
+
+void Connection::begin_close() {
   ::shutdown(socket_, SHUT_WR);
-  const Clock::time_point until = Clock::now() + kDrain;
-  while (Clock::now() < until) {
-    buffer_.clear();
-    if (!receive(until)) break;
-  }
+  draining_ = true;
+  begin_wait();
 }
 
 }  // namespace gridcast::server

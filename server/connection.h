@@ -2,7 +2,7 @@
 // One client's socket, read and written with total deadlines and byte budgets.
 
 #include <cstddef>
-#include <functional>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -14,9 +14,9 @@
 namespace gridcast::server {
 
 struct ConnectionLimits {
-  std::chrono::milliseconds head{10'000};  ///< from a head's first byte to its last
-  std::chrono::milliseconds keep_alive{15'000};
-  std::chrono::milliseconds stall{10'000};  ///< longest silence inside a body
+  std::chrono::milliseconds head{10'000};        ///< from a head's first byte to its last
+  std::chrono::milliseconds keep_alive{15'000};  ///< from an answer to the next head's first byte
+  std::chrono::milliseconds stall{10'000};       ///< longest silence inside a body
   /// A whole body or answer gets `stall` and this rate; slower clients are cut.
   double min_bytes_per_s = 16.0 * 1024;
 };
@@ -26,15 +26,33 @@ struct BodyError {
   std::optional<proto::Problem> problem;  ///< none: the client is gone
 };
 
+/// What a look at a connection found.
+enum class Arrived : std::uint8_t { kNotYet, kHead, kEnd };
+
 class Connection {
  public:
-  /// `stopping` is asked while idle: true ends the wait for a next request.
-  Connection(int socket, const ConnectionLimits& limits, std::function<bool()> stopping);
+  /// Owns the socket.
+  Connection(int socket, const ConnectionLimits& limits);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
 
-  /// The next request's head; nothing when the client closed, stayed idle, or the server is stopping.
-  [[nodiscard]] std::optional<std::variant<HttpHead, HeadError>> read_head();
-  /// When the first byte of that head was seen.
-  [[nodiscard]] Clock::time_point head_started() const { return head_started_; }
+  /// Takes what has come, without waiting: a whole head (or more than one may have), the end, or neither yet.
+  [[nodiscard]] Arrived look();
+  /// The same, after waiting for something to come, `time` at most.
+  [[nodiscard]] Arrived look_within(std::chrono::milliseconds time);
+  /// The head that look() found; nothing before it is whole.
+  [[nodiscard]] std::optional<std::variant<HttpHead, HeadError>> take_head();
+  [[nodiscard]] std::size_t heads_taken() const { return heads_taken_; }
+
+  /// After an answer: the wait for a next request begins now.
+  void begin_wait();
+  /// When that wait began, or the first byte of the head that is under way was seen.
+  [[nodiscard]] Clock::time_point waits_since() const { return waits_since_; }
+  /// When a wait for more is to be given up.
+  [[nodiscard]] Clock::time_point waits_until() const;
+  /// A head has begun and is not whole.
+  [[nodiscard]] bool head_begun() const { return !draining_ && !buffer_.empty(); }
 
   /// The body that `head` announces, at most `max_bytes` (else 413); answers Expect: 100-continue first.
   [[nodiscard]] std::variant<std::string, BodyError> read_body(const HttpHead& head, std::size_t max_bytes);
@@ -42,9 +60,13 @@ class Connection {
   /// False when the client is gone or too slow.
   [[nodiscard]] bool write(std::string_view bytes);
 
-  /// Closes so that an answer sent before the client finished its body still arrives: ends our side, then
-  /// throws away what still comes for a moment.
-  void close_gently();
+  /// Writes as much as goes at once: for a last word to those who are not waited for.
+  void write_now(std::string_view bytes) const;
+
+  /// Begins to close, so that an answer sent before the client finished its body still arrives: ends our
+  /// side; from now on looks throw away what still comes, for a moment (waits_until()).
+  void begin_close();
+  [[nodiscard]] bool closing() const { return draining_; }
 
   [[nodiscard]] int socket() const { return socket_; }
 
@@ -59,9 +81,11 @@ class Connection {
 
   int socket_;
   ConnectionLimits limits_;
-  std::function<bool()> stopping_;
-  std::string buffer_;  ///< received, not yet consumed
-  Clock::time_point head_started_;
+  std::string buffer_;                        ///< received, not yet consumed
+  std::size_t head_end_ = std::string::npos;  ///< of the empty line in buffer_
+  std::size_t heads_taken_ = 0;
+  bool draining_ = false;
+  Clock::time_point waits_since_ = Clock::now();
   Clock::time_point body_deadline_;
 };
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/media_type.h"
+#include "server/access/access_control.h"
 #include "server/log.h"
 #include "server/problem.h"
 #include "server/url.h"
@@ -25,6 +26,17 @@ std::string request_id_of(const HttpHead& head) {
         return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_' || c == '.';
       });
   return plain ? given : std::string("r").append(std::to_string(++counter));
+}
+
+// What a body may grow to while it is worked on: a model's meshes beside its text and the trees that are
+// built over them; a query's answer, and its rays in another order.
+constexpr std::uint64_t kBytesPerModelByte = 8;
+constexpr std::uint64_t kBytesPerQueryByte = 4;
+
+/// Of a small request.
+bool has_large_answer(const Route& route) {
+  return route.pattern.ends_with("/rays/all") || route.pattern.ends_with("/renders") ||
+         route.pattern.ends_with("/tradeoffs");
 }
 
 }  // namespace
@@ -95,18 +107,28 @@ std::optional<Problem> Exchange::prepare(HttpRequest& request, const Route*& rou
   Router::Match match = shared_.router.match(request.method, request.path);
   route = match.route;
   allowed_ = match.allowed;
+  request.captures = std::move(match.captures);
+  if (auto problem = admit(request, route)) return problem;
   if (route == nullptr && match.allowed.empty())
     return Problem{ProblemCode::kNotFound, "there is nothing at this path", ""};
   if (route == nullptr)
     return Problem{ProblemCode::kMethodNotAllowed, "this path does not take the method; it takes " + allowed_,
                    ""};
   record_.route = route->pattern;
-  request.captures = std::move(match.captures);
   if (mark != std::string::npos) {
     auto query = parse_query(std::string_view(head_.target).substr(mark + 1));
     if (!query) return Problem{ProblemCode::kInvalidRequest, "malformed escape in the query string", "?"};
     request.query = std::move(*query);
   }
+  return std::nullopt;
+}
+
+std::optional<Problem> Exchange::admit(HttpRequest& request, const Route* route) {
+  if (shared_.options.access == nullptr) return std::nullopt;
+  auto admitted = shared_.options.access->admit(request, route == nullptr ? std::string() : route->pattern);
+  if (auto* problem = std::get_if<Problem>(&admitted)) return std::move(*problem);
+  request.caller = std::move(std::get<std::shared_ptr<access::Caller>>(admitted));
+  record_.caller = access::owner_of(request);
   return std::nullopt;
 }
 
@@ -131,7 +153,7 @@ std::variant<std::size_t, Problem> Exchange::body_limit(const Route& route) cons
 std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& request) {
   const bool has_body = head_.framing == BodyFraming::kChunked || head_.content_length != 0;
   const bool may_have_none = route.accepts.empty() || request.method == "DELETE";
-  if (!has_body && may_have_none) return std::nullopt;
+  if (!has_body && may_have_none) return check_memory(route, 0);
   if (head_.framing == BodyFraming::kNone)
     return Problem{ProblemCode::kLengthRequired, "Content-Length or chunked coding is required",
                    "Content-Length"};
@@ -141,6 +163,7 @@ std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& requ
   const std::size_t wanted = head_.framing == BodyFraming::kLength
                                  ? std::min<std::size_t>(head_.content_length, max_bytes)
                                  : max_bytes;
+  if (auto problem = check_memory(route, wanted)) return problem;
   reserved_bytes_ = wanted;
   if ((shared_.body_bytes_in_flight += wanted) > shared_.options.max_body_bytes_in_flight && wanted > 65'536)
     return Problem{ProblemCode::kOverloaded, "too many large bodies at once", ""};
@@ -156,9 +179,24 @@ std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& requ
   return std::nullopt;
 }
 
+std::optional<Problem> Exchange::check_memory(const Route& route, std::size_t body_bytes) const {
+  const MemoryBudget* memory = shared_.options.memory;
+  // Looking stays possible, and deleting is the way out.
+  if (memory == nullptr || route.method == "GET" || route.method == "DELETE") return std::nullopt;
+  const bool stays = access::need_of(route.method, route.pattern).role != access::Role::kRead;
+  const std::uint64_t more = std::uint64_t(body_bytes) * (stays ? kBytesPerModelByte : kBytesPerQueryByte);
+  const MemoryBudget::Level level = memory->level(shared_.body_bytes_in_flight + more);
+  const bool is_much = stays || body_bytes > MemoryBudget::kSmallBytes || has_large_answer(route);
+  if (level == MemoryBudget::Level::kFree || (level == MemoryBudget::Level::kTight && !is_much))
+    return std::nullopt;
+  if (stays)
+    return Problem{ProblemCode::kMemoryFull, "the server's memory is nearly used up; delete scenes", ""};
+  return Problem{ProblemCode::kOverloaded, "the server's memory is nearly used up", ""};
+}
+
 HttpResponse Exchange::handle(const Route& route, const HttpRequest& request) {
   cancellation_.emplace(started_ + transfer_ + shared_.options.deadline);
-  guard_.emplace(shared_.watch, connection_.socket(), *cancellation_);
+  guard_.emplace(shared_.watch, WatchedRequest{connection_.socket(), &*cancellation_, request.body.size()});
   HttpResponse response = route.handler(request, *cancellation_);
   client_gone_ = cancellation_->reason() == CancelReason::kDisconnected;
   return response;

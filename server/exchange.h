@@ -50,7 +50,11 @@ class Exchange {
  private:
   [[nodiscard]] HttpResponse answer();
   [[nodiscard]] std::optional<proto::Problem> prepare(HttpRequest& request, const Route*& route);
+  /// Before the body is read: whose request it is, or why it may not be. `route` is null for an unknown path.
+  [[nodiscard]] std::optional<proto::Problem> admit(HttpRequest& request, const Route* route);
   [[nodiscard]] std::variant<std::size_t, proto::Problem> body_limit(const Route& route) const;
+  /// Why the server has no memory for a request, if so.
+  [[nodiscard]] std::optional<proto::Problem> check_memory(const Route& route, std::size_t body_bytes) const;
   [[nodiscard]] std::optional<proto::Problem> read_body(const Route& route, HttpRequest& request);
   [[nodiscard]] HttpResponse handle(const Route& route, const HttpRequest& request);
 

@@ -12,6 +12,7 @@
 #include <sys/socket.h>
 
 #include "server/exchange.h"
+#include "server/lobby.h"
 #include "server/problem.h"
 #include "server/worker_pool.h"
 
@@ -20,6 +21,8 @@ namespace {
 
 // A connection is given back now and then, so that none holds a thread for ever.
 constexpr std::size_t kRequestsPerConnection = 1000;
+// A busy client's next request comes sooner than the way through the lobby takes.
+constexpr std::chrono::milliseconds kLinger{1};
 
 /// What the library reads: a head that was checked and reduced to what it needs. What it writes goes out.
 class GuardStream final : public httplib::Stream {
@@ -54,29 +57,16 @@ class GuardStream final : public httplib::Stream {
 // The library hands no context from a connection to a request; both run on the same thread.
 thread_local Exchange* current_exchange = nullptr;
 thread_local bool must_close_after = false;
-thread_local bool refused = false;                ///< this connection came when all was full
-thread_local Clock::time_point accepted_at = {};  ///< when this connection entered the queue
 
-/// Hands connections to a WorkerPool; a full one answers 503 from the accepting thread.
-class BoundedTasks final : public httplib::TaskQueue {
+/// The library hands accepted connections to this, on its accepting thread: they go on to the lobby at once.
+class NoQueue final : public httplib::TaskQueue {
  public:
-  explicit BoundedTasks(const HttpServerOptions& options)
-      : pool_(options.connection_threads, options.max_queued_connections) {}
-
-  void enqueue(std::function<void()> serve) override {
-    std::function<void()> task = [serve, now = Clock::now()] {
-      accepted_at = now;
-      serve();
-    };
-    if (pool_.try_enqueue(task)) return;
-    refused = true;
-    serve();
-    refused = false;
-  }
-  void shutdown() override { pool_.shut_down(); }
+  explicit NoQueue(std::function<void()> at_end) : at_end_(std::move(at_end)) {}
+  void enqueue(std::function<void()> enter) override { enter(); }
+  void shutdown() override { at_end_(); }
 
  private:
-  WorkerPool pool_;
+  std::function<void()> at_end_;
 };
 
 /// A whole answer for connections that the library never sees.
@@ -96,8 +86,13 @@ std::string plain_answer(const proto::Problem& problem) {
 class HttpServer::Edge final : public httplib::Server {
  public:
   Edge(Router router, HttpServerOptions options, RequestObserver observer)
-      : router_(std::move(router)), options_(std::move(options)), observer_(std::move(observer)) {
-    new_task_queue = [this] { return new BoundedTasks(options_); };
+      : router_(std::move(router)),
+        options_(std::move(options)),
+        observer_(std::move(observer)),
+        watch_(options_.memory),
+        pool_(options_.connection_threads, options_.max_queued_connections),
+        lobby_(options_.max_waiting_connections, exits()) {
+    new_task_queue = [this] { return new NoQueue([this] { end_serving(); }); };
     // Without SO_REUSEPORT, which the library sets by default and which lets two servers share a port unseen.
     set_socket_options([](socket_t sock) {
       const int yes = 1;
@@ -111,6 +106,10 @@ class HttpServer::Edge final : public httplib::Server {
       return HandlerResponse::Handled;
     });
   }
+
+  ~Edge() override { end_serving(); }
+  Edge(const Edge&) = delete;
+  Edge& operator=(const Edge&) = delete;
 
   Result<int> bind() {
     const int port = options_.port == 0 ? bind_to_any_port(options_.host)
@@ -183,34 +182,56 @@ class HttpServer::Edge final : public httplib::Server {
     }
   }
 
+  /// Answers what has come; returns when every thread is done.
+  void end_serving() {
+    lobby_.close();
+    pool_.shut_down();
+  }
+
   bool process_and_close_socket(socket_t sock) override {
-    Connection connection(sock, options_.connection, [this] { return stopping_.load(); });
-    if (refused) {
-      (void)connection.write(plain_answer({proto::ProblemCode::kOverloaded, "too many connections", ""}));
-    } else {
-      serve_connection(connection);
-    }
-    ::shutdown(sock, SHUT_RDWR);
-    ::close(sock);
+    lobby_.enter(std::make_shared<Connection>(sock, options_.connection));
     return true;
   }
 
-  void serve_connection(Connection& connection) {
-    Clock::time_point queued_at = accepted_at;
-    for (std::size_t served = 1; auto head = connection.read_head(); ++served) {
+  Lobby::Exits exits() {
+    const auto say = [this](proto::ProblemCode code, const char* detail) {
+      return [this, problem = proto::Problem{code, detail, ""}](const Connection& connection) {
+        turn_away(connection, problem);
+      };
+    };
+    const auto full = say(proto::ProblemCode::kOverloaded, "too many connections");
+    return {[this, full](std::shared_ptr<Connection> connection) {
+              std::function<void()> task = [this, connection] { serve_connection(connection); };
+              if (!pool_.try_enqueue(task)) full(*connection);
+            },
+            say(proto::ProblemCode::kInvalidRequest, "the head came too slowly"), full};
+  }
+
+  /// Without waiting, on the lobby's thread.
+  void turn_away(const Connection& connection, const proto::Problem& problem) {
+    if (!connection.head_begun()) return;
+    connection.write_now(plain_answer(problem));
+    observer_({"", "", problem.status(), 0.0, 0, 0, ""});
+  }
+
+  /// Serves the head that has come, and what follows it at once; then the connection waits in the lobby.
+  void serve_connection(const std::shared_ptr<Connection>& connection) {
+    do {
+      const auto head = connection->take_head();
+      if (!head) break;
       if (const auto* error = std::get_if<HeadError>(&*head)) {
         const proto::Problem problem{error->code, error->detail, ""};
         observer_({"", "", problem.status(), 0.0, 0, 0, ""});
-        (void)connection.write(plain_answer(problem));
-        connection.close_gently();
-        return;
+        (void)connection->write(plain_answer(problem));
+        connection->begin_close();
+        break;
       }
-      // A first request's clock starts in the queue, a later one's with its first byte.
-      const Clock::time_point started = std::min(queued_at, connection.head_started());
-      queued_at = Clock::time_point::max();
-      must_close_after = served == kRequestsPerConnection;
-      if (!serve_request(connection, std::get<HttpHead>(*head), started)) return;
-    }
+      must_close_after = connection->heads_taken() == kRequestsPerConnection;
+      if (!serve_request(*connection, std::get<HttpHead>(*head), connection->waits_since())) return;
+      if (connection->closing()) break;
+      connection->begin_wait();
+    } while (connection->look_within(kLinger) == Arrived::kHead);
+    lobby_.enter(connection);
   }
 
   /// False when the connection is of no more use.
@@ -224,8 +245,9 @@ class HttpServer::Edge final : public httplib::Server {
     process_request(stream, must_close_after, closed, nullptr);
     current_exchange = nullptr;
     observer_(exchange.record());
-    if (exchange.must_close()) connection.close_gently();
-    return !(must_close_after || stream.failed() || exchange.client_gone());
+    if (stream.failed() || exchange.client_gone()) return false;
+    if (exchange.must_close()) connection.begin_close();
+    return exchange.must_close() || !must_close_after;
   }
 
   Router router_;
@@ -237,6 +259,8 @@ class HttpServer::Edge final : public httplib::Server {
   std::atomic<bool> stopping_{false};
   std::mutex stop_mutex_;  ///< guards drain_
   std::thread drain_;
+  WorkerPool pool_;
+  Lobby lobby_;  // last: it hands to the rest
 };
 
 HttpServer::HttpServer(Router router, HttpServerOptions options, RequestObserver observer)

@@ -12,16 +12,25 @@
 
 namespace gridcast::server {
 
+namespace access {
+class AccessControl;
+}
+class MemoryBudget;
+
 struct HttpServerOptions {
   std::string host = "127.0.0.1";
   int port = 8080;                           ///< 0: any free one
   std::size_t connection_threads = 64;       ///< connections served at once
-  std::size_t max_queued_connections = 256;  ///< beyond: 503 at once
+  std::size_t max_queued_connections = 256;  ///< whose request has come; beyond: 503 at once
+  /// That have not sent one; beyond, who waits longest is closed.
+  std::size_t max_waiting_connections = 512;
   /// Bodies held in memory at once, all requests together; beyond: 503.
   std::size_t max_body_bytes_in_flight = std::size_t(2) << 30;
   std::chrono::milliseconds deadline{30'000};  ///< of a request's work, the wait in the queue included
   std::chrono::milliseconds drain{5'000};  ///< how long stop() lets requests finish before cancelling them
   ConnectionLimits connection;
+  const access::AccessControl* access = nullptr;  ///< null: whoever reaches the port may do everything
+  const MemoryBudget* memory = nullptr;           ///< null: none
 };
 
 /// One answered request, for logs and metrics. No text of the client's but the method.
@@ -33,6 +42,7 @@ struct RequestRecord {
   std::size_t bytes_in = 0;
   std::size_t bytes_out = 0;
   std::string request_id;
+  std::string caller = {};  ///< the name of its token; empty without one
 };
 using RequestObserver = std::function<void(const RequestRecord&)>;
 

@@ -19,6 +19,10 @@
 
 namespace gridcast::server {
 
+namespace access {
+class Caller;
+}
+
 using Clock = std::chrono::steady_clock;
 
 inline double ms_between(Clock::time_point from, Clock::time_point to) {
@@ -33,6 +37,7 @@ struct HttpRequest {
   std::map<std::string, std::string> captures;  ///< decoded segments named by the route's pattern
   std::string body;
   std::string request_id;
+  std::shared_ptr<access::Caller> caller = nullptr;  ///< whose token came; null: whoever reaches the port
 
   [[nodiscard]] std::string header(const std::string& lower_case_name) const {
     const auto found = headers.find(lower_case_name);
@@ -70,7 +75,7 @@ struct HttpResponse {
 };
 
 /// Why a request's work was told to stop.
-enum class CancelReason : std::uint8_t { kNone, kDeadline, kDisconnected, kShutdown, kRequested };
+enum class CancelReason : std::uint8_t { kNone, kDeadline, kDisconnected, kShutdown, kRequested, kMemory };
 
 /// The stop signal of one request and its deadline. Stops at most once; any thread may ask.
 class Cancellation {

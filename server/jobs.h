@@ -38,6 +38,7 @@ struct JobSubject {
   std::string kind;  ///< render, tradeoffs
   std::string scene;
   std::uint64_t scene_version = 0;
+  std::string owner = {};  ///< the name of the token that started it; empty without access control
 };
 
 /// What a job gives: an answer to be fetched later, or what went wrong.

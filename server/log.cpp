@@ -39,12 +39,12 @@ void log_request(const RequestRecord& record) {
   if (format_in_use == LogFormat::kJson)
     spdlog::log(level,
                 "\"method\": \"{}\", \"route\": \"{}\", \"status\": {}, \"ms\": {:.3f}, \"bytes_in\": {}, "
-                "\"bytes_out\": {}, \"request_id\": \"{}\"",
-                method, route, record.status, record.ms, record.bytes_in, record.bytes_out,
-                record.request_id);
+                "\"bytes_out\": {}, \"request_id\": \"{}\", \"token\": \"{}\"",
+                method, route, record.status, record.ms, record.bytes_in, record.bytes_out, record.request_id,
+                record.caller);
   else
-    spdlog::log(level, "{} {} {} {:.3f} ms in {} out {} id {}", method, route, record.status, record.ms,
-                record.bytes_in, record.bytes_out, record.request_id);
+    spdlog::log(level, "{} {} {} {:.3f} ms in {} out {} id {} token {}", method, route, record.status,
+                record.ms, record.bytes_in, record.bytes_out, record.request_id, or_dash(record.caller));
 }
 
 void log_job(const Job& job, const JobView& view) {

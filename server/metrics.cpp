@@ -66,6 +66,10 @@ struct Metrics::Families {
       gauge(registry, "gridcast_triangles", "Triangles of the meshes stored, all scenes").Add({});
   prometheus::Gauge& memory =
       gauge(registry, "gridcast_scene_memory_bytes", "Estimate of what the scenes hold").Add({});
+  prometheus::Gauge& resident =
+      gauge(registry, "gridcast_process_memory_bytes", "Resident memory of the process").Add({});
+  prometheus::Gauge& budget =
+      gauge(registry, "gridcast_memory_budget_bytes", "What it may hold; 0: as much as there is").Add({});
   prometheus::Family<prometheus::Gauge>& jobs =
       gauge(registry, "gridcast_jobs", "Jobs that have not ended, by state");
   prometheus::Family<prometheus::Counter>& jobs_ended =
@@ -144,6 +148,11 @@ void Metrics::set_archive(const store::ArchiveCounts& counts) {
   bring_up(families_->store_failures, counts.failures);
   bring_up(families_->store_compactions, counts.compactions);
   bring_up(families_->store_bytes, counts.bytes_written);
+}
+
+void Metrics::set_memory(const MemoryBudget& memory) {
+  families_->resident.Set(double(memory.used()));
+  families_->budget.Set(double(memory.bytes()));
 }
 
 std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, const TreeBuildCounts& trees,

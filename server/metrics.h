@@ -7,6 +7,7 @@
 #include "core/scene/update.h"
 #include "server/http_server.h"
 #include "server/jobs.h"
+#include "server/memory_budget.h"
 #include "server/scene_store.h"
 #include "server/tree_builder.h"
 
@@ -26,7 +27,8 @@ class Metrics {
   void count_pixels(std::size_t pixels);
   void count_update(const scene::UpdateReport& report);
 
-  /// Gauges are read from the store and the jobs now.
+  void set_memory(const MemoryBudget& memory);
+  /// Other gauges are read from the store and the jobs now.
   [[nodiscard]] std::string text(const SceneStore& store, const JobCounts& jobs, const TreeBuildCounts& trees,
                                  const store::ArchiveCounts& archive, std::size_t requests_in_flight);
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/problem.h"
 #include "server/store/sha256.h"
@@ -53,7 +54,8 @@ HttpResponse answer_once(Api& api, const Handler& handler, const HttpRequest& re
                              "Idempotency-Key must have 1 to 255 visible ASCII characters",
                              "Idempotency-Key"});
   const std::string print = fingerprint(request);
-  const OpenEntry entry(api.kept_answers, key, print);
+  // Two tokens that use the same key mean two requests.
+  const OpenEntry entry(api.kept_answers, access::owner_of(request) + "\n" + key, print);
   if ((*entry).request != print)
     return problem_response({ProblemCode::kIdempotencyKeyReused,
                              "this key was sent with another path, parameters, If-Match or body",

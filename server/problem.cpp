@@ -6,7 +6,9 @@ namespace gridcast::server {
 
 HttpResponse problem_response(const proto::Problem& problem) {
   HttpResponse response{problem.status(), std::string(proto::kProblemMediaType), to_json(problem), {}};
-  if (response.status == 503 || response.status == 429) response.with("Retry-After", "1");
+  if (response.status == 503 || response.status == 429)
+    response.with("Retry-After", std::to_string(problem.retry_after_s));
+  if (response.status == 401) response.with("WWW-Authenticate", "Bearer realm=\"gridcast\"");
   return response;
 }
 
@@ -24,6 +26,9 @@ proto::Problem cancelled_problem(CancelReason reason) {
       return {proto::ProblemCode::kDeadlineExceeded, "the work was stopped at the request's deadline", ""};
     case CancelReason::kShutdown:
       return {proto::ProblemCode::kOverloaded, "the server is shutting down", ""};
+    case CancelReason::kMemory:
+      return {proto::ProblemCode::kMemoryFull, "the work was stopped: the server has no memory left for it",
+              ""};
     case CancelReason::kDisconnected:
     case CancelReason::kRequested:
     case CancelReason::kNone:

@@ -5,7 +5,8 @@
 
 namespace gridcast::server {
 
-/// application/problem+json with the problem's status; Retry-After where the status asks for it.
+/// application/problem+json with the problem's status; Retry-After or WWW-Authenticate where the status asks
+/// for it.
 [[nodiscard]] HttpResponse problem_response(const proto::Problem& problem);
 
 /// What an error of core means to the client of a request that may have been cancelled.

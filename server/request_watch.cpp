@@ -15,7 +15,7 @@ bool hung_up(int socket) {
 
 }  // namespace
 
-RequestWatch::RequestWatch() : thread_([this] { run(); }) {}
+RequestWatch::RequestWatch(const MemoryBudget* budget) : budget_(budget), thread_([this] { run(); }) {}
 
 RequestWatch::~RequestWatch() {
   {
@@ -26,10 +26,10 @@ RequestWatch::~RequestWatch() {
   thread_.join();
 }
 
-RequestWatch::Guard::Guard(RequestWatch& watch, int socket, Cancellation& target) : watch_(watch) {
+RequestWatch::Guard::Guard(RequestWatch& watch, const WatchedRequest& request) : watch_(watch) {
   const std::lock_guard lock(watch_.mutex_);
-  if (watch_.shut_down_) target.cancel(CancelReason::kShutdown);
-  watch_.requests_.push_front({socket, &target});
+  if (watch_.shut_down_) request.target->cancel(CancelReason::kShutdown);
+  watch_.requests_.push_front(request);
   entry_ = watch_.requests_.begin();
   watch_.changed_.notify_all();
 }
@@ -63,6 +63,17 @@ void RequestWatch::look() {
     else if (request.target->reason() == CancelReason::kNone && hung_up(request.socket))
       request.target->cancel(CancelReason::kDisconnected);
   }
+  if (budget_ != nullptr && budget_->level() == MemoryBudget::Level::kFull) relieve_memory();
+}
+
+void RequestWatch::relieve_memory() {
+  WatchedRequest* largest = nullptr;
+  for (WatchedRequest& request : requests_) {
+    const bool counts =
+        request.target->reason() == CancelReason::kNone && request.body_bytes > MemoryBudget::kSmallBytes;
+    if (counts && (largest == nullptr || request.body_bytes > largest->body_bytes)) largest = &request;
+  }
+  if (largest != nullptr) largest->target->cancel(CancelReason::kMemory);
 }
 
 }  // namespace gridcast::server

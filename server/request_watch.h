@@ -6,20 +6,23 @@
 #include <thread>
 
 #include "server/http_types.h"
+#include "server/memory_budget.h"
 
 namespace gridcast::server {
 
 struct WatchedRequest {
   int socket = -1;
   Cancellation* target = nullptr;
+  std::size_t body_bytes = 0;
 };
 
 /// Watches requests at work: cancels one when its deadline passes, or when its client has hung up.
 /// A client that closes its sending side counts as gone once the work has lasted longer than one look
-/// (kPeriod): plain TCP gives no way to tell the two apart.
+/// (kPeriod): plain TCP gives no way to tell the two apart. While the process is over its memory budget, one
+/// request with a large body a look is cancelled, the largest first: better one less upload than no process.
 class RequestWatch {
  public:
-  RequestWatch();
+  explicit RequestWatch(const MemoryBudget* budget = nullptr);
   ~RequestWatch();
   RequestWatch(const RequestWatch&) = delete;
   RequestWatch& operator=(const RequestWatch&) = delete;
@@ -27,8 +30,8 @@ class RequestWatch {
   /// Ends the watching of one request when it goes.
   class Guard {
    public:
-    /// `target` outlives the guard.
-    Guard(RequestWatch& watch, int socket, Cancellation& target);
+    /// Its target outlives the guard.
+    Guard(RequestWatch& watch, const WatchedRequest& request);
     ~Guard();
     Guard(const Guard&) = delete;
     Guard& operator=(const Guard&) = delete;
@@ -46,7 +49,9 @@ class RequestWatch {
  private:
   void run();
   void look();
+  void relieve_memory();
 
+  const MemoryBudget* const budget_;
   std::mutex mutex_;
   std::condition_variable changed_;
   std::list<WatchedRequest> requests_;

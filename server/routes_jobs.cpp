@@ -4,6 +4,7 @@
 #include "proto/job_reply.h"
 #include "proto/media_type.h"
 #include "proto/prefer.h"
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/problem.h"
 
@@ -51,7 +52,8 @@ HttpResponse job_json(const Job& job, const JobView& view, int status) {
 std::variant<std::shared_ptr<Job>, Problem> open_job(const Api& api, const HttpRequest& request) {
   if (auto problem = proto::check_query(request.query)) return std::move(*problem);
   auto job = api.jobs.find(request.capture("j"));
-  if (!job) return Problem{ProblemCode::kJobNotFound, "there is no such job, or it is forgotten", ""};
+  if (!job || !access::sees_job_of(request, job->subject().owner))
+    return Problem{ProblemCode::kJobNotFound, "there is no such job, or it is forgotten", ""};
   return job;
 }
 
@@ -187,6 +189,7 @@ HttpResponse result_response(Api& api, const Job& job, std::string_view accept,
 
 HttpResponse answer_with_job(Api& api, const HttpRequest& request, const Cancellation& cancellation,
                              JobSubject subject, JobWork work) {
+  subject.owner = access::owner_of(request);
   auto submitted = api.jobs.submit(std::move(subject), std::move(work));
   if (const auto* problem = std::get_if<Problem>(&submitted)) return problem_response(*problem);
   const std::shared_ptr<Job> job = std::get<std::shared_ptr<Job>>(submitted);

@@ -33,6 +33,7 @@ void add_meta_routes(Router& router, Api& api) {
                 return problem_response({proto::ProblemCode::kNotReady, "scenes are still being loaded", ""});
               })});
   router.add({"GET", "/metrics", {}, plain([&api] {
+                api.metrics.set_memory(api.memory);
                 return HttpResponse{
                     200,
                     "text/plain; version=0.0.4; charset=utf-8",

@@ -2,6 +2,7 @@
 #include "proto/media_type.h"
 #include "proto/point_reply.h"
 #include "proto/point_request.h"
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/problem.h"
 #include "server/reply_format.h"
@@ -44,6 +45,8 @@ HttpResponse look_at_points(Api& api, const HttpRequest& request, Cancellation& 
   if (!format) return not_acceptable();
   if (points->deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*points->deadline_ms));
+  if (const auto problem = access::charge_rays(request, double(points->batch().size())))
+    return problem_response(*problem);
   timing.mark("parse");
   const auto permit = api.gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));

@@ -2,6 +2,7 @@
 #include "core/scene/trace.h"
 #include "proto/media_type.h"
 #include "proto/ray_request.h"
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/ray_reply.h"
 
@@ -58,6 +59,8 @@ HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cance
   if (!format) return not_acceptable();
   if (rays->options.deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*rays->options.deadline_ms));
+  if (const auto problem = access::charge_rays(request, double(rays->batch().size())))
+    return problem_response(*problem);
   timing.mark("parse");
   const auto permit = api.gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));

@@ -1,5 +1,6 @@
 #include "proto/media_type.h"
 #include "proto/render_request.h"
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/picture.h"
 #include "server/problem.h"
@@ -61,6 +62,9 @@ HttpResponse post_render(Api& api, const HttpRequest& request, Cancellation& can
   auto parsed = parse(api, request, open.scene, cancellation);
   if (auto* problem = std::get_if<Problem>(&parsed)) return problem_response(*problem);
   Picture& picture = std::get<Picture>(parsed);
+  const render::RenderSettings& settings = picture.settings;
+  const double rays = double(settings.width_px) * double(settings.height_px) * double(settings.samples);
+  if (const auto problem = access::charge_rays(request, rays)) return problem_response(*problem);
   timing.mark("parse");
   if (wants_job(request)) {
     return answer_with_job(api, request, cancellation, {"render", open.named->id(), open.scene->version()},

@@ -1,6 +1,7 @@
 #include "proto/media_type.h"
 #include "proto/replies.h"
 #include "proto/scene_request.h"
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/describe.h"
 #include "server/load.h"
@@ -84,10 +85,13 @@ HttpResponse list_scenes(Api& api, const HttpRequest& request) {
   if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
   std::vector<proto::SceneInfo> infos;
   for (const auto& named : api.store.list()) {
+    if (!access::sees_scene(request, named->id())) continue;
     infos.push_back(scene_info(named->id(), named->origin(), *named->snapshot()));
     infos.back().rig.reset();
   }
-  return {200, std::string(proto::kJsonMediaType), to_json(infos, api.store.damaged()), {}};
+  std::vector<std::string> damaged = api.store.damaged();
+  std::erase_if(damaged, [&](const std::string& id) { return !access::sees_scene(request, id); });
+  return {200, std::string(proto::kJsonMediaType), to_json(infos, damaged), {}};
 }
 
 HttpResponse get_scene(Api& api, const HttpRequest& request) {

@@ -5,6 +5,7 @@
 #include "core/scene/flatten.h"
 #include "proto/media_type.h"
 #include "proto/tradeoff_request.h"
+#include "server/access/caller.h"
 #include "server/api.h"
 #include "server/problem.h"
 #include "server/tradeoff_forms.h"
@@ -115,6 +116,8 @@ HttpResponse post_tradeoffs(Api& api, const HttpRequest& request, const Cancella
   if (!parsed) return problem_response(parsed.problem());
   measure::TradeoffOptions options = options_of(*parsed);
   if (const auto problem = refuse_scene(*open.scene, options, api.limits)) return problem_response(*problem);
+  if (const auto problem = access::charge_rays(request, double(traces(*parsed))))
+    return problem_response(*problem);
   auto place = api.tradeoff_gate.try_enter();
   if (!place)
     return problem_response(
@@ -141,7 +144,8 @@ HttpResponse get_tradeoffs(Api& api, const HttpRequest& request, const Cancellat
     break;
   }
   const auto job = api.jobs.find(id);
-  if (!job || job->subject().kind != kJobKind || job->subject().scene != request.capture("s"))
+  if (!job || !access::sees_job_of(request, job->subject().owner) || job->subject().kind != kJobKind ||
+      job->subject().scene != request.capture("s"))
     return problem_response(
         {ProblemCode::kJobNotFound, "there is no such measurement of this scene, or it is forgotten", ""});
   return result_response(api, *job, accept, cancellation);

@@ -24,6 +24,16 @@ class SignalWatch {
   std::jthread thread_;
 };
 
+/// Calls `at_hangup` at every SIGHUP, on a thread of its own. Make it before threads other than
+/// SignalWatch's.
+class HangupWatch {
+ public:
+  explicit HangupWatch(std::function<void()> at_hangup);
+
+ private:
+  std::jthread thread_;
+};
+
 inline constexpr int kExitInterrupted = 130;  // 128 + SIGINT, as shells report it
 
 }  // namespace gridcast::server

@@ -86,17 +86,19 @@ def encode_rays(origins, directions, tnear=None, tfar=None, dtype=np.float64, ex
 
 
 class Service:
-    """A running server. `timeout_s` bounds every request."""
+    """A running server. `timeout_s` bounds every request; `token` goes with each, where the server asks for one."""
 
-    def __init__(self, url="http://127.0.0.1:8080", timeout_s=60.0):
+    def __init__(self, url="http://127.0.0.1:8080", timeout_s=60.0, token=None):
         self.url = url.rstrip("/")
         self.timeout_s = timeout_s
+        self.always = {"Authorization": f"Bearer {token}"} if token else {}
 
     def request(self, method, path, body=None, content_type=None, accept="application/json", headers=None):
         """(body bytes, headers); GridcastError when the server refuses."""
         if isinstance(body, (dict, list)):
             body, content_type = json.dumps(body, allow_nan=False).encode(), "application/json"
-        send = {"Accept": accept} | ({"Content-Type": content_type} if content_type else {}) | (headers or {})
+        send = {"Accept": accept} | ({"Content-Type": content_type} if content_type else {})
+        send |= self.always | (headers or {})
         request = urllib.request.Request(self.url + path, data=body, method=method, headers=send)
         try:
             with urllib.request.urlopen(request, timeout=self.timeout_s) as reply:
@@ -159,7 +161,7 @@ class Job:
 
     def events(self):
         """The job's info, again and again as it changes, until it has ended."""
-        request = urllib.request.Request(self.service.url + self.path + "/events")
+        request = urllib.request.Request(self.service.url + self.path + "/events", headers=self.service.always)
         with urllib.request.urlopen(request, timeout=self.service.timeout_s) as stream:
             for line in stream:
                 if line.startswith(b"data: "):

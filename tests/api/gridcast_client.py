@@ -83,8 +83,9 @@ def json_columns(answer):
 class Client:
     """One connection per call unless `keep` is used; raises nothing on error answers."""
 
-    def __init__(self, url, timeout_s=30):
+    def __init__(self, url, timeout_s=30, token=None):
         self.url, self.timeout_s = url, timeout_s
+        self.always = {"Authorization": f"Bearer {token}"} if token is not None else {}
         self.address = urlsplit(url).netloc
 
     def call(self, method, path, body=None, content_type=None, accept=None, headers=None, check=True, **query):
@@ -94,7 +95,7 @@ class Client:
             body, content_type = json.dumps(body).encode(), content_type or JSON
         elif isinstance(body, str):
             body, content_type = body.encode(), content_type or JSON
-        sent = {"Accept": accept or "*/*", **(headers or {})}
+        sent = {"Accept": accept or "*/*", **self.always, **(headers or {})}
         if content_type:
             sent["Content-Type"] = content_type
         connection = http.client.HTTPConnection(self.address, timeout=self.timeout_s)

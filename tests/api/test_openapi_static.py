@@ -52,6 +52,9 @@ def test_every_reference_resolves_and_every_component_is_used():
             except KeyError:
                 pytest.fail(f"{path}: {node['$ref']} leads nowhere")
             used.add(node["$ref"])
+    for _, _, operation in OPERATIONS:
+        for requirement in operation.get("security", DOCUMENT["security"]):
+            used |= {f"#/components/securitySchemes/{name}" for name in requirement}
     components = {f"#/components/{kind}/{name}" for kind, parts in DOCUMENT["components"].items() for name in parts}
     assert components == used
 

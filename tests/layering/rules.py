@@ -25,6 +25,8 @@ ARROWS = {
     "server/": ["core/", "proto/"],
     # What outlasts the process: knows the engine and the log, no request.
     "server/store/": ["core/", "server/log.h"],
+    # Who may do what: knows requests as values, no socket and no scene.
+    "server/access/": ["core/error.h", "proto/", "server/http_types.h", "server/store/sha256.h"],
     "tests/support/": ["core/", "proto/"],
     "tests/": ["core/", "proto/", "server/", "tests/"],
 }
@@ -57,7 +59,7 @@ THIRD_PARTY = {
     "fmt/": ["server/"],
     "prometheus/": ["server/"],
     "sqlite3.h": ["server/store/"],
-    "openssl/": ["server/store/sha256.cpp"],
+    "openssl/": ["server/store/sha256.cpp", "server/access/access_control.cpp"],
     "gtest/": ["tests/"],
     "gmock/": ["tests/"],
     "rapidcheck": ["tests/"],

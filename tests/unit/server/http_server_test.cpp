@@ -1,6 +1,7 @@
 #include "server/http_server.h"
 
 #include <atomic>
+#include <list>
 #include <mutex>
 #include <thread>
 
@@ -9,6 +10,8 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
+
+#include "server/memory_budget.h"
 
 namespace gridcast::server {
 namespace {
@@ -218,6 +221,67 @@ TEST(HttpServer, a_broken_head_is_answered_and_closed) {
   EXPECT_TRUE(has(ask(server.port(), "GET / HTTP/1.1\r\nHost : x\r\n\r\n"), "HTTP/1.1 400"));
   EXPECT_TRUE(has(ask(server.port(), "GET /" + std::string(20'000, 'a')), "HTTP/1.1 414"));
   EXPECT_TRUE(has(ask(server.port(), "GET / HTTP/1.1\r\nA: " + std::string(20'000, 'a')), "HTTP/1.1 431"));
+}
+
+TEST(HttpServer, clients_that_trickle_or_say_nothing_hold_no_thread) {
+  RunningServer server;  // with four threads
+  std::list<Client> slow;
+  std::list<Client> silent;
+  for (int i = 0; i < 20; ++i) slow.emplace_back(server.port()).send("GET /echo/slow HTTP/1.1\r\nX: ");
+  for (int i = 0; i < 20; ++i) silent.emplace_back(server.port());
+  EXPECT_TRUE(has(ask(server.port(), std::string("GET /echo/quick HTTP/1.1\r\n") + kEnd), "quick"));
+  // They are not forgotten either.
+  slow.front().send(std::string("y\r\n") + kEnd);
+  EXPECT_TRUE(has(slow.front().read_all(), "slow"));
+  silent.front().send(std::string("GET /echo/late HTTP/1.1\r\n") + kEnd);
+  EXPECT_TRUE(has(silent.front().read_all(), "late"));
+}
+
+TEST(HttpServer, a_full_lobby_gives_up_the_slowest) {
+  HttpServerOptions options;
+  options.max_waiting_connections = 2;
+  RunningServer server(options);
+  Client first(server.port());
+  first.send("GET /echo/slow HTTP/1.1\r\nX: ");
+  std::list<Client> others;
+  std::string answer;
+  std::thread reader([&] { answer = first.read_all(); });
+  for (int i = 0; i < 20; ++i) {
+    others.emplace_back(server.port()).send("GET /echo/slow HTTP/1.1\r\nX: ");
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  reader.join();
+  EXPECT_TRUE(has(answer, "HTTP/1.1 503")) << answer;
+  EXPECT_TRUE(has(ask(server.port(), std::string("GET /echo/quick HTTP/1.1\r\n") + kEnd), "quick"));
+}
+
+TEST(HttpServer, a_head_has_its_time) {
+  HttpServerOptions options;
+  options.connection.head = std::chrono::milliseconds(100);
+  RunningServer server(options);
+  Client slow(server.port());
+  slow.send("GET /echo/slow HTTP/1.1\r\nX: ");
+  EXPECT_TRUE(has(slow.read_all(), "HTTP/1.1 400"));
+}
+
+TEST(HttpServer, an_idle_connection_is_closed_without_a_word) {
+  HttpServerOptions options;
+  options.connection.keep_alive = std::chrono::milliseconds(100);
+  RunningServer server(options);
+  Client silent(server.port());
+  EXPECT_EQ(silent.read_all(), "");
+}
+
+TEST(HttpServer, without_memory_nothing_but_looking_is_allowed) {
+  const MemoryBudget none_left(1);
+  HttpServerOptions options;
+  options.memory = &none_left;
+  RunningServer server(options);
+  EXPECT_TRUE(has(ask(server.port(), std::string("GET /echo/word HTTP/1.1\r\n") + kEnd), "HTTP/1.1 200"));
+  const std::string post = "POST /echo HTTP/1.1\r\nContent-Type: text/plain\r\nContent-Length: 2\r\n";
+  const std::string answer = ask(server.port(), post + kEnd + "hi");
+  EXPECT_TRUE(has(answer, "HTTP/1.1 507")) << answer;
+  EXPECT_TRUE(has(answer, "memory_full")) << answer;
 }
 
 TEST(HttpServer, work_stops_at_the_deadline) {
