@@ -1,12 +1,14 @@
 """The image and the dependency list: every group and path they name exists, and the run group is what the built
 program really needs."""
 
+import json
 import os
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 GROUPS = {"build", "run", "image", "demo", "test", "fuzz"}
@@ -21,6 +23,10 @@ def dependencies():
             if line and not line.startswith("#")]
     assert all(len(row) == 2 for row in rows), "a line is GROUP PACKAGE"
     return rows
+
+
+def compose():
+    return yaml.safe_load((ROOT / "docker/compose.yaml").read_text())
 
 
 def instructions():
@@ -76,6 +82,53 @@ def test_the_docker_build_configures_without_the_tests_folder(tmp_path):
     done = subprocess.run(["cmake", "-S", ".", "-B", "build/image", "-G", "Ninja", "-DCMAKE_BUILD_TYPE=Release",
                            "-DGRIDCAST_TESTS=OFF"], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_image_and_the_compose_file_start_with_options_that_go_together(tmp_path):
+    """Both commands, with files of the test's and a free port: each listens."""
+    program = binary()
+    tokens = tmp_path / "tokens"
+    line = subprocess.run([program, "token", "new", "--name", "me", "--role", "admin"], capture_output=True, text=True,
+                          check=True).stdout.splitlines()[1]
+    tokens.write_text(line + "\n")
+    tokens.chmod(0o400)
+    replaced = {"/var/lib/gridcast": str(tmp_path / "data"), "/run/gridcast/tokens": str(tokens), "8080": "0"}
+    image = json.loads(next(rest for word, rest in instructions() if word == "CMD" and rest.startswith('["serve"')))
+    for command in (image, compose()["services"]["gridcast"]["command"]):
+        serve = subprocess.Popen([program, *(replaced.get(word, word) for word in command)], stdout=subprocess.PIPE,
+                                 stderr=subprocess.DEVNULL, text=True)
+        try:
+            assert serve.stdout.readline().startswith("listening on http://0.0.0.0:"), command
+        finally:
+            serve.terminate()
+            assert serve.wait(20) == 0
+
+
+def test_the_compose_file_lets_nobody_in_but_by_the_proxy():
+    services = compose()["services"]
+    assert "ports" not in services["gridcast"] and "network_mode" not in services["gridcast"]
+    assert "--tokens" in services["gridcast"]["command"]
+    assert "--without-access-control" not in services["gridcast"]["command"]
+    assert services["proxy"]["ports"] == ["${GRIDCAST_ADDRESS:-127.0.0.1}:${GRIDCAST_PORT:-8443}:443"]
+    assert "gridcast:8080" in (ROOT / "docker/Caddyfile").read_text()
+
+
+def test_the_compose_files_volumes_and_paths_exist():
+    document = compose()
+    mounted = {}
+    for name, service in document["services"].items():
+        for source, target, *_ in (volume.split(":") for volume in service["volumes"]):
+            if source.startswith("./"):
+                # The tokens file is the operator's own.
+                assert source == "./tokens" or (ROOT / "docker" / source).exists(), source
+            else:
+                assert source in document["volumes"], source
+            mounted[name, target] = source
+    command = document["services"]["gridcast"]["command"]
+    for option in ("--data-dir", "--tokens"):
+        assert ("gridcast", command[command.index(option) + 1]) in mounted, option
+    built = document["services"]["gridcast"]["build"]
+    assert (ROOT / "docker" / built["context"] / built["dockerfile"]).resolve() == ROOT / "docker/Dockerfile"
 
 
 def binary():
