@@ -102,7 +102,7 @@ class CrowdMaker {
       skin.inverse_bind.push_back({Mat3d(1.0), -joint.place});
     }
     scene::InstanceData shown{
-        .name = name, .mesh_id = std::uint32_t(number % kBuilds), .world_from_object = {}};
+        .name = scene::SharedText(name), .mesh_id = std::uint32_t(number % kBuilds), .world_from_object = {}};
     shown.world_from_object.translation = at;
     shown.node = add_node(name + " body", root, {});
     shown.skin_id = std::uint32_t(data().skins.size() - 1);

@@ -139,7 +139,7 @@ void warn_about_inactive(const Scene& scene, SceneData& data) {
   for (std::uint32_t id = 0; id < scene.instance_slots(); ++id) {
     if (scene.instance(id).transform.active()) continue;
     if (++inactive > kMaxNamedWarnings) continue;
-    const std::string& name = data.instances[id].name;
+    const std::string& name = data.instances[id].name.str();
     data.warnings.push_back("Instance " + std::to_string(id) + (name.empty() ? "" : " (" + name + ")") +
                             " has a singular or out-of-range transform and is never hit.");
   }

@@ -19,7 +19,7 @@ const Instance* Scene::find_instance(std::uint32_t instance_id) const {
 
 const std::string& Scene::instance_name(std::uint32_t instance_id) const {
   static const std::string unnamed;
-  if (instance_id < data_->instances.size()) return data_->instances[instance_id].name;
+  if (instance_id < data_->instances.size()) return data_->instances[instance_id].name.str();
   // Binary search: names are added in the order of ids.
   std::size_t low = 0, high = added_names_.size();
   while (low < high) {

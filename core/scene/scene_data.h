@@ -11,6 +11,7 @@
 #include "core/math/trs.h"
 #include "core/mesh/deformation.h"
 #include "core/mesh/triangle_mesh.h"
+#include "core/scene/shared_text.h"
 
 namespace gridcast::scene {
 
@@ -97,7 +98,7 @@ struct Animation {
 /// One placed mesh: a glTF node with a mesh, or one entry of EXT_mesh_gpu_instancing.
 /// instance_id is its index in SceneData::instances: by node index, then by entry.
 struct InstanceData {
-  std::string name;
+  SharedText name;
   std::uint32_t mesh_id = kInvalidId;
   Affine world_from_object;
   std::uint32_t node = kInvalidId;  ///< index into SceneData::nodes; none = not part of any pose

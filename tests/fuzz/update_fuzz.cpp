@@ -46,7 +46,7 @@ struct Model {
     for (const Placed& placed : instances) {
       // A slot of a removed instance keeps its number, but is never hit.
       const Affine nowhere{Mat3d(0.0), Vec3d(0.0)};
-      data.instances.push_back({"", placed.mesh_id, placed.alive ? placed.world_from_object : nowhere});
+      data.instances.push_back({{}, placed.mesh_id, placed.alive ? placed.world_from_object : nowhere});
     }
     return data;
   }

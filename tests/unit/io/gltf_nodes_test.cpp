@@ -71,7 +71,7 @@ TEST(GltfNodes, parents_come_first_and_the_file_s_numbers_are_kept) {
     EXPECT_EQ(scene.nodes[i].parent, i == 0 ? kInvalidId : i - 1);
   }
   EXPECT_EQ(scene.instances.at(0).node, 2U);
-  EXPECT_EQ(scene.instances.at(0).name, "leaf");
+  EXPECT_EQ(scene.instances.at(0).name.str(), "leaf");
 }
 
 TEST(GltfNodes, a_scene_is_chosen_by_index_or_by_default) {
@@ -87,7 +87,7 @@ TEST(GltfNodes, a_scene_is_chosen_by_index_or_by_default) {
   options.scene_index = 0;
   const auto first = import_ok(builder.glb(), options);
   ASSERT_EQ(first.instances.size(), 1U);
-  EXPECT_EQ(first.instances[0].name, "a");
+  EXPECT_EQ(first.instances[0].name.str(), "a");
   options.scene_index = 2;
   const Error error = import_error(builder.glb(), options);
   EXPECT_EQ(error.code, ErrorCode::kNotFound);
@@ -143,7 +143,7 @@ TEST(GltfInstancing, each_entry_is_an_instance_below_its_node) {
       {{"mesh", 0}, {"translation", {0, 0, 10}}, {"extensions", {{"EXT_mesh_gpu_instancing", gpu}}}});
   const auto scene = import_ok(builder.glb());
   ASSERT_EQ(scene.instances.size(), 3U);
-  EXPECT_EQ(scene.instances[0].name, "before");
+  EXPECT_EQ(scene.instances[0].name.str(), "before");
   expect_near(scene.instances[1].world_from_object.point({0, 0, 0}), {1, 0, 10});
   expect_near(scene.instances[2].world_from_object.point({1, 0, 0}), {0, 7, 10});
 }

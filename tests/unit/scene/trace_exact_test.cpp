@@ -16,7 +16,7 @@ std::shared_ptr<const Scene> squares_at(const std::vector<double>& heights) {
   SceneData data;
   data.meshes.push_back(test::share(square));
   data.deformations.resize(1);
-  for (const double height : heights) data.instances.push_back({"", 0, {Mat3d(1.0), {0.0, height, 0.0}}});
+  for (const double height : heights) data.instances.push_back({{}, 0, {Mat3d(1.0), {0.0, height, 0.0}}});
   return build_scene(data).value();
 }
 
