@@ -166,6 +166,10 @@ class CellTester {
 
 // Blocks without instances are left at once. The walk goes on as long as something nearer than the best hit
 // may come: whatever is still to come is hit at t_enter of the next cell or later.
+// A cell that is entered at the best hit's very t need not be looked at: the segment of the cell before ends
+// there, and is closed, so the cell before lists every instance with a hit at that t, too (GridWalk), and has
+// offered it. Only the first cell has none before it, and is entered at the best hit's t where the range is a
+// single t.
 double walk(const UniformGrid& grid, const WorldRay& world, double far, const InstanceVisitor& visitor) {
   GridWalk walk(grid.layout(), world, far);
   if (walk.done()) return far;
