@@ -8,6 +8,15 @@
 
 namespace gridcast::server::store {
 
+inline void fields(ByteWriter& archive, const scene::SharedText& text) {
+  archive(text.str());
+}
+inline void fields(ByteReader& archive, scene::SharedText& text) {
+  std::string read;
+  archive(read);
+  text = std::move(read);
+}
+
 template <>
 inline constexpr int kEnumerators<blas::StructureKind> = 6;
 template <>
