@@ -6,6 +6,7 @@
 #include "core/sensor/pattern.h"
 #include "proto/media_type.h"
 #include "proto/sensor_request.h"
+#include "server/access/caller.h"
 #include "server/ray_reply.h"
 
 namespace gridcast::server {
@@ -97,6 +98,8 @@ HttpResponse use_sensor(Api& api, const HttpRequest& request, Cancellation& canc
     return problem_response(*problem);
   if (parsed->options.deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*parsed->options.deadline_ms));
+  if (const auto problem = access::charge_rays(request, double(ray_count(*sensor))))
+    return problem_response(*problem);
   timing.mark("parse");
   const auto permit = api.gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));

@@ -2,6 +2,7 @@
 #include "proto/media_type.h"
 #include "proto/visibility_reply.h"
 #include "proto/visibility_request.h"
+#include "server/access/caller.h"
 #include "server/ray_reply.h"
 
 namespace gridcast::server {
@@ -29,6 +30,8 @@ HttpResponse look_between(Api& api, const HttpRequest& request, Cancellation& ca
   const proto::RayOptions& options = pairs->options;
   if (options.deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*options.deadline_ms));
+  if (const auto problem = access::charge_rays(request, double(pairs->batch().size())))
+    return problem_response(*problem);
   timing.mark("parse");
   const auto permit = api.gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
