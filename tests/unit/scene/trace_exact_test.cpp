@@ -4,6 +4,7 @@
 
 #include "core/scene/trace.h"
 #include "tests/support/shapes.h"
+#include "tests/support/squeezed.h"
 
 namespace gridcast::scene {
 namespace {
@@ -67,6 +68,57 @@ TEST(TraceExact, ARayInThePlaneHitsNothing) {
             RayStatus::kMiss);
   EXPECT_EQ(occluded(*scene, Ray{{0.0, 0.25, 0.25}, {1.0, 0x1p-90, 0.0}}, Precision::kExact),
             RayStatus::kHit);
+}
+
+/// Triangles that stand on their corners (x, 0, z), x and z whole, in the plane y = 0.
+mesh::TriangleMesh tips() {
+  mesh::TriangleMesh mesh;
+  for (int x = 0; x < 4; ++x) {
+    for (int z = 0; z < 4; ++z) {
+      const Vec3f tip(float(x), 0.F, float(z));
+      const auto first = std::uint32_t(mesh.positions.size());
+      mesh.positions.insert(mesh.positions.end(),
+                            {tip, tip + Vec3f(0.25F, 1.F, 0.F), tip + Vec3f(-0.25F, 1.F, 0.125F)});
+      mesh.triangles.push_back({first, first + 1, first + 2});
+    }
+  }
+  return mesh;
+}
+
+// The image of the ray passes some 2^-20 below or above the plane, so that the boxes and the filters need the
+// room that its drift asks for, alone and in packets.
+TEST(TraceExact, CornersAreHitWhereTheImageOfTheRayHasFewDigits) {
+  test::Random random(test::seed_or(5207));
+  for (const blas::StructureKind kind :
+       {blas::StructureKind::kBruteForce, blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree}) {
+    SCOPED_TRACE(to_string(kind));
+    int lost = 0;
+    for (int i = 0; i < 40; ++i) {
+      const test::SqueezedPlane plane(random);
+      SceneData data;
+      data.meshes.push_back(test::share(tips()));
+      data.deformations.resize(1);
+      data.instances.push_back({{}, 0, plane.world_from_object()});
+      SceneBuildOptions options;
+      options.blas.kind = kind;
+      const auto scene = build_scene(std::move(data), options).value();
+      std::vector<double> rows;
+      for (int ray_id = 0; ray_id < 16; ++ray_id) {
+        const Ray ray = plane.ray_to(1, ray_id / 4, double(ray_id % 4));
+        lost += int(occluded(*scene, ray, Precision::kExact) != RayStatus::kHit);
+        // Neighbours that go the same way are traced as a packet.
+        for (int neighbour = 0; neighbour < 32; ++neighbour)
+          rows.insert(rows.end(), {ray.origin.x, ray.origin.y, ray.origin.z, ray.tnear, ray.direction.x,
+                                   ray.direction.y, ray.direction.z, ray.tfar});
+      }
+      TraceOptions trace;
+      trace.precision = Precision::kExact;
+      const RayBatch batch{std::as_bytes(std::span(rows)), ScalarType::kFloat64, 8, {}};
+      const std::vector<RayStatus> together = occluded(*scene, batch, trace).value();
+      for (const RayStatus status : together) lost += int(status != RayStatus::kHit);
+    }
+    EXPECT_EQ(lost, 0);
+  }
 }
 
 TEST(TraceExact, InvalidRaysAreSaidToBe) {
