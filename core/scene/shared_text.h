@@ -18,8 +18,8 @@ class SharedText {
   }
 
   [[nodiscard]] const std::string& str() const {
-    static const std::string kNone;
-    return text_ ? *text_ : kNone;
+    static const std::string none;
+    return text_ ? *text_ : none;
   }
 
  private:
