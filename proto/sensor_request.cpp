@@ -45,6 +45,7 @@ constexpr std::uint64_t kLargestSeed = (std::uint64_t(1) << 53U) - 1;
 
 std::vector<std::string_view> member_names() {
   std::vector<std::string_view> names;
+  names.reserve(std::size(kMembers));
   for (const Member& member : kMembers) names.push_back(member.name);
   return names;
 }
