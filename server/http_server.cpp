@@ -200,7 +200,7 @@ class HttpServer::Edge final : public httplib::Server {
       };
     };
     const auto full = say(proto::ProblemCode::kOverloaded, "too many connections");
-    return {[this, full](std::shared_ptr<Connection> connection) {
+    return {[this, full](const std::shared_ptr<Connection>& connection) {
               std::function<void()> task = [this, connection] { serve_connection(connection); };
               if (!pool_.try_enqueue(task)) full(*connection);
             },
