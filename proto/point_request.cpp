@@ -3,6 +3,7 @@
 #include <array>
 #include <string>
 
+#include "proto/binary_rows.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
 
@@ -51,29 +52,6 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, P
   return std::nullopt;
 }
 
-std::optional<Problem> parse_binary(const MediaType& type, std::string_view body, const Limits& limits,
-                                    PointRequest& request) {
-  request.scalar = ScalarType::kFloat32;
-  for (const auto& [name, value] : type.parameters) {
-    if (name != "dtype" || (value != "float32" && value != "float64"))
-      return Problem{ProblemCode::kUnsupportedMediaType,
-                     std::string(kPointsMediaType) + " takes dtype=float32|float64", "Content-Type"};
-    request.scalar = value == "float32" ? ScalarType::kFloat32 : ScalarType::kFloat64;
-  }
-  if (body.size() > limits.binary_bytes)
-    return Problem{ProblemCode::kPayloadTooLarge,
-                   "binary points may have at most " + std::to_string(limits.binary_bytes) + " bytes", ""};
-  const std::size_t row_bytes = 3 * size_bytes(request.scalar);
-  if (body.size() % row_bytes != 0)
-    return Problem{ProblemCode::kWrongLength,
-                   "the body is not a whole number of points of " + std::to_string(row_bytes) + " bytes", ""};
-  if (body.size() / row_bytes > limits.binary_rays)
-    return Problem{ProblemCode::kTooManyPoints,
-                   "one request may have at most " + std::to_string(limits.binary_rays) + " points", ""};
-  request.binary_body = std::as_bytes(std::span(body.data(), body.size()));
-  return std::nullopt;
-}
-
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    PointQuestion question, PointRequest& request) {
   QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 2 : 1));
@@ -101,7 +79,8 @@ Parsed<PointRequest> parse_point_request(std::string_view content_type, std::str
   if (type && type->essence == kJsonMediaType)
     problem = parse_json(body, limits, question, request);
   else if (type && type->essence == kPointsMediaType)
-    problem = parse_binary(*type, body, limits, request);
+    problem = read_binary_rows({kPointsMediaType, "points", 3}, *type, body, limits, request.scalar,
+                               request.binary_body);
   else
     problem =
         Problem{ProblemCode::kUnsupportedMediaType,

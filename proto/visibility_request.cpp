@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "proto/binary_rows.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
 #include "proto/ray_columns.h"
@@ -56,29 +57,6 @@ std::optional<Problem> parse_json(std::string_view text, const Limits& limits, V
   return std::nullopt;
 }
 
-std::optional<Problem> parse_binary(const MediaType& type, std::string_view body, const Limits& limits,
-                                    VisibilityRequest& request) {
-  request.scalar = ScalarType::kFloat32;
-  for (const auto& [name, value] : type.parameters) {
-    if (name != "dtype" || (value != "float32" && value != "float64"))
-      return Problem{ProblemCode::kUnsupportedMediaType,
-                     std::string(kPairsMediaType) + " takes dtype=float32|float64", "Content-Type"};
-    request.scalar = value == "float32" ? ScalarType::kFloat32 : ScalarType::kFloat64;
-  }
-  if (body.size() > limits.binary_bytes)
-    return Problem{ProblemCode::kPayloadTooLarge,
-                   "binary pairs may have at most " + std::to_string(limits.binary_bytes) + " bytes", ""};
-  const std::size_t row_bytes = kRowColumns * size_bytes(request.scalar);
-  if (body.size() % row_bytes != 0)
-    return Problem{ProblemCode::kWrongLength,
-                   "the body is not a whole number of pairs of " + std::to_string(row_bytes) + " bytes", ""};
-  if (body.size() / row_bytes > limits.binary_rays)
-    return Problem{ProblemCode::kTooManyPoints,
-                   "one request may have at most " + std::to_string(limits.binary_rays) + " pairs", ""};
-  request.binary_body = std::as_bytes(std::span(body));
-  return std::nullopt;
-}
-
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    VisibilityRequest& request) {
   QueryReader query(parameters, {"margin", "blocker", "precision", "fields", "stats", "deadline_ms"});
@@ -104,7 +82,8 @@ Parsed<VisibilityRequest> parse_visibility_request(std::string_view content_type
   if (type && type->essence == kJsonMediaType)
     problem = parse_json(body, limits, request);
   else if (type && type->essence == kPairsMediaType)
-    problem = parse_binary(*type, body, limits, request);
+    problem = read_binary_rows({kPairsMediaType, "pairs", kRowColumns}, *type, body, limits, request.scalar,
+                               request.binary_body);
   else
     problem = Problem{ProblemCode::kUnsupportedMediaType,
                       "pairs come as " + std::string(kJsonMediaType) + " or " + std::string(kPairsMediaType),

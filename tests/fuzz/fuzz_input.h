@@ -14,7 +14,6 @@
 #include "core/math/vec.h"
 
 /// Called by libFuzzer, whose name it is, or by replay.cpp where that is not there.
-// NOLINTNEXTLINE(readability-identifier-naming)
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size);
 
 namespace gridcast::fuzz {
