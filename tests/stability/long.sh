@@ -64,7 +64,10 @@ while [ $# -gt 0 ]; do
 done
 
 whole() { awk -v n="$1" 'BEGIN { if (n + 0 < 1 || n !~ /^[0-9.eE+]+$/) exit 1; printf "%.0f", n }'; }
-if [ -n "$rays" ]; then rays=$(whole "$rays") || fail "--rays: '$rays' is not a number"; fi
+if [ -n "$rays" ]; then
+  asked=$rays
+  rays=$(whole "$asked") || fail "--rays: '$asked' is not a number"
+fi
 
 # What the ledger says of a row: rays, failures, the largest seed.
 of_row() {
