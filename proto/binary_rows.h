@@ -6,9 +6,9 @@
 #include <string_view>
 
 #include "core/math/ray_batch.h"
+#include "proto/error_table.h"
 #include "proto/limits.h"
 #include "proto/media_type.h"
-#include "proto/error_table.h"
 
 namespace gridcast::proto {
 
