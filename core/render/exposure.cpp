@@ -21,12 +21,12 @@ std::vector<float> pilot_luminances(const scene::Scene& scene, const RenderSetti
   const int longer = std::max(settings.width_px, settings.height_px);
   const int width = std::max(1, settings.width_px * kPilotSidePx / longer);
   const int height = std::max(1, settings.height_px * kPilotSidePx / longer);
-  const Whitted whitted(scene, lights, settings.precision, 0);
+  const Whitted whitted(scene, lights, settings, 0);
   std::vector<float> luminances;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const Ray ray = primary_ray(settings.camera, width, height, x + 0.5, y + 0.5);
-      const SurfaceHit hit = scene::intersect(scene, ray, settings.precision);
+      const SurfaceHit hit = scene::intersect(scene, ray, settings.precision, {}, settings.mask);
       if (hit.status != RayStatus::kHit) continue;
       // The weights of red, green and blue in luminance, Rec. 709.
       const float luminance = glm::dot(whitted.radiance(ray, hit), Vec3f(0.2126F, 0.7152F, 0.0722F));

@@ -81,7 +81,7 @@ Painter::Painter(const scene::Scene& scene, const RenderSettings& settings, cons
     : settings_(settings),
       film_(film),
       kinds_(wanted_layers(settings)),
-      whitted_(scene, lighting, settings.precision, settings.max_depth) {
+      whitted_(scene, lighting, settings, settings.max_depth) {
   for (const LayerKind kind : kinds_) {
     film_.layers.push_back(make_layer(kind, std::size_t(film.width_px) * std::size_t(film.height_px)));
     (kind == LayerKind::kColor ? has_color_ : has_exact_) = true;

@@ -14,7 +14,8 @@ inline constexpr int kTileSidePx = 16;
 
 /// Memory of a task that paints tiles.
 struct TileScratch {
-  TileScratch(const scene::Scene& scene, Precision precision) : tracer(scene, precision) {}
+  TileScratch(const scene::Scene& scene, Precision precision, InstanceMask mask)
+      : tracer(scene, precision, mask) {}
 
   struct Pixel {
     int x, y;

@@ -81,7 +81,7 @@ Result<Film> render(const scene::Scene& scene, const RenderSettings& settings, s
   Progress done(tiles, progress);
   std::atomic<bool> cancelled{false};
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, tiles, 1), [&](const auto& range) {
-    TileScratch scratch(scene, settings.precision);
+    TileScratch scratch(scene, settings.precision, settings.mask);
     for (std::size_t tile = range.begin(); tile != range.end(); ++tile) {
       const int left = int(tile % std::size_t(columns)) * kTileSidePx;
       const int top = int(tile / std::size_t(columns)) * kTileSidePx;

@@ -30,6 +30,7 @@ struct RenderSettings {
   int samples = 1;                ///< per pixel, stratified; the same settings always give the same bits
   int max_depth = 4;              ///< reflections and refractions after the primary ray
   Precision precision = Precision::kRobust;
+  InstanceMask mask = kFullMask;  ///< which instances are there: for shadows, mirrors and glass too
 };
 
 /// Sizes and counts in range (1 to 16384 pixels a side, 1 to 4096 samples, 0 to 64 bounces), a usable camera.
@@ -45,7 +46,7 @@ struct RenderSettings {
                                   std::stop_token stop = {}, const scene::ProgressCallback& progress = {});
 
 /// The first camera of the file that is usable and sees more than a single triangle, else one that frames the
-/// scene.
+/// scene. Whatever a picture's mask, so that pictures of several masks lie on each other.
 [[nodiscard]] scene::Camera default_camera(const scene::Scene& scene, double aspect_ratio);
 /// The same, framing `bounds`: those of all that a sequence of pictures is going to show.
 [[nodiscard]] scene::Camera default_camera(const scene::Scene& scene, const Bounds3d& bounds,

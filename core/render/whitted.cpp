@@ -71,8 +71,13 @@ Vec3f next_answer(ShadowQueue& queue) {
 
 }  // namespace
 
-Whitted::Whitted(const scene::Scene& scene, const Lighting& lighting, Precision precision, int max_depth)
-    : scene_(scene), lighting_(lighting), precision_(precision), max_depth_(max_depth) {
+Whitted::Whitted(const scene::Scene& scene, const Lighting& lighting, const RenderSettings& settings,
+                 int max_depth)
+    : scene_(scene),
+      lighting_(lighting),
+      precision_(settings.precision),
+      mask_(settings.mask),
+      max_depth_(max_depth) {
   const auto& materials = scene.data().materials;
   has_glass_ = std::any_of(materials.begin(), materials.end(),
                            [](const scene::Material& material) { return material.transmission > 0.F; });
@@ -109,7 +114,7 @@ void Whitted::radiance(std::span<const Ray> rays, std::span<const SurfaceHit> hi
 }
 
 Vec3f Whitted::trace(const Ray& ray, PrimitiveRef from, Path path) const {
-  return shade(ray, scene::intersect(scene_, ray, precision_, from), path);
+  return shade(ray, scene::intersect(scene_, ray, precision_, from, mask_), path);
 }
 
 Vec3f Whitted::shade(const Ray& ray, const SurfaceHit& hit, Path path) const {
@@ -187,7 +192,7 @@ Ray Whitted::shadow_ray(const Surface& surface, const Illumination& light) const
 Vec3f Whitted::visibility(const Surface& surface, const Illumination& light) const {
   const Ray shadow = shadow_ray(surface, light);
   if (has_glass_) return through_glass(shadow, surface.primitive());
-  const RayStatus status = scene::occluded(scene_, shadow, precision_, surface.primitive());
+  const RayStatus status = scene::occluded(scene_, shadow, precision_, surface.primitive(), mask_);
   return status == RayStatus::kHit ? Vec3f(0.F) : Vec3f(1.F);
 }
 
@@ -195,7 +200,7 @@ Vec3f Whitted::visibility(const Surface& surface, const Illumination& light) con
 Vec3f Whitted::through_glass(Ray ray, PrimitiveRef from) const {
   Vec3f passed(1.F);
   for (int layer = 0; layer < kMaxGlassLayers; ++layer) {
-    const SurfaceHit hit = scene::intersect(scene_, ray, precision_, from);
+    const SurfaceHit hit = scene::intersect(scene_, ray, precision_, from, mask_);
     if (hit.status != RayStatus::kHit) return passed;
     const Surface surface = make_surface(scene_, ray, hit);
     passed *= make_brdf(*surface.material).transmit;

@@ -2,6 +2,7 @@
 
 #include "core/render/brdf.h"
 #include "core/render/lighting.h"
+#include "core/render/render.h"
 #include "core/render/surface.h"
 #include "core/scene/run_tracer.h"
 
@@ -26,8 +27,9 @@ struct ShadeScratch {
 /// surfaces are metallic-roughness ones, and what is too rough to mirror sees the sky instead of a ray.
 class Whitted {
  public:
-  /// Keeps references: both outlive it.
-  Whitted(const scene::Scene& scene, const Lighting& lighting, Precision precision, int max_depth);
+  /// Keeps references to the scene and the lighting: both outlive it. Of `settings` the precision and the
+  /// mask of all rays count.
+  Whitted(const scene::Scene& scene, const Lighting& lighting, const RenderSettings& settings, int max_depth);
 
   /// Radiance along a primary ray whose closest hit (or miss) is known.
   [[nodiscard]] Vec3f radiance(const Ray& ray, const SurfaceHit& hit) const;
@@ -59,6 +61,7 @@ class Whitted {
   const scene::Scene& scene_;
   const Lighting& lighting_;
   Precision precision_;
+  InstanceMask mask_;
   int max_depth_;
   bool has_glass_;
 };

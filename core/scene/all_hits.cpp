@@ -22,7 +22,7 @@ PrimitiveRef excluded_of(const RayBatch& rays, std::size_t i) {
 }
 
 template <Precision kPrecision>
-void list_hits(const Scene& scene, Ray ray, const PrimitiveRef& excluded, const HitPosition& after,
+void list_hits(const Scene& scene, Ray ray, const QueryFilter& filter, const HitPosition& after,
                HitList& list) {
   // What lies before the position is culled. Not in `fast`, whose t depend on where the range begins.
   if constexpr (kPrecision == Precision::kRobust) ray.tnear = std::max(ray.tnear, after.t);
@@ -30,7 +30,7 @@ void list_hits(const Scene& scene, Ray ray, const PrimitiveRef& excluded, const 
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
     const Instance& instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
-    if (prepare_for(object_ray, instance.transform, blas, ray, list.tfar(), id, excluded))
+    if (prepare_for(object_ray, instance, blas, ray, list.tfar(), id, filter))
       blas.template intersect_every<kPrecision>(object_ray, list);
     return list.tfar();
   });
@@ -54,7 +54,7 @@ bool list_all(const Scene& scene, const RayBatch& rays, const AllHitsOptions& op
         const HitPosition after = i < options.after.size() ? options.after[i] : HitPosition{};
         HitList& list = lists.local();
         list.start(ray.tfar, after, options.max_hits);
-        list_hits<kPrecision>(scene, ray, excluded_of(rays, i), after, list);
+        list_hits<kPrecision>(scene, ray, {excluded_of(rays, i), options.mask}, after, list);
         out.status[i] = list.finish();
         const std::span<const Hit> hits = list.hits();
         out.splits[i + 1] = hits.size();

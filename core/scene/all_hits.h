@@ -20,6 +20,7 @@ struct AllHitsOptions {
   std::span<const HitPosition> after;
   std::stop_token stop;  ///< checked at every ray
   ProgressCallback progress;
+  InstanceMask mask = kFullMask;  ///< which instances the rays see
 };
 
 /// All hits in [tnear, tfar] of every ray, each once, ordered by (t, instance_id, primitive_id): the same
@@ -31,6 +32,7 @@ struct AllHitsOptions {
 struct CountOptions {
   std::stop_token stop;  ///< checked at every ray
   ProgressCallback progress;
+  InstanceMask mask = kFullMask;  ///< which instances the rays see
 };
 
 /// How many triangles every ray hits in [tnear, tfar], which counts a shared edge twice, and how often it

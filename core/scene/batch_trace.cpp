@@ -52,11 +52,10 @@ bool fill_packet(const BatchTarget& target, const RayRun& run, const std::uint32
 
 /// Whether a valid ray hits the target's only instance; keeps the closest hit in `best` unless any will do.
 template <Precision kPrecision, bool kAnyHit>
-bool trace_sole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
+bool trace_sole(const BatchTarget& target, const Ray& ray, const QueryFilter& filter, Hit& best) {
   const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
   mesh::ObjectRay object_ray;
-  if (!prepare_for(object_ray, target.sole->transform, blas, ray, ray.tfar, target.sole_id, excluded))
-    return false;
+  if (!prepare_for(object_ray, *target.sole, blas, ray, ray.tfar, target.sole_id, filter)) return false;
   if constexpr (kAnyHit)
     return blas.template occluded<kPrecision>(object_ray, ray.tfar);
   else
@@ -64,11 +63,11 @@ bool trace_sole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& e
 }
 
 template <Precision kPrecision, bool kAnyHit>
-bool trace_whole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
+bool trace_whole(const BatchTarget& target, const Ray& ray, const QueryFilter& filter, Hit& best) {
   if constexpr (kAnyHit) {
-    return any_hit<kPrecision>(target.scene, ray, excluded);
+    return any_hit<kPrecision>(target.scene, ray, filter);
   } else {
-    closest_hit<kPrecision>(target.scene, ray, excluded, best);
+    closest_hit<kPrecision>(target.scene, ray, filter, best);
     return best.valid();
   }
 }
@@ -76,15 +75,15 @@ bool trace_whole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& 
 template <Precision kPrecision, bool kAnyHit>
 void trace_single(const BatchTarget& target, RayRun& run, std::size_t i) {
   const Ray& ray = run.rays[i];
-  const PrimitiveRef excluded = run.excluded.empty() ? PrimitiveRef{} : run.excluded[i];
+  const QueryFilter filter{run.excluded.empty() ? PrimitiveRef{} : run.excluded[i], target.mask};
   Hit none;
   Hit& best = kAnyHit ? none : run.hits[i];
   bool hit = false;
   if constexpr (kPrecision == Precision::kExact) {
-    hit = trace_whole<kPrecision, kAnyHit>(target, ray, excluded, best);
+    hit = trace_whole<kPrecision, kAnyHit>(target, ray, filter, best);
   } else {
-    hit = target.sole != nullptr ? trace_sole<kPrecision, kAnyHit>(target, ray, excluded, best)
-                                 : trace_whole<kPrecision, kAnyHit>(target, ray, excluded, best);
+    hit = target.sole != nullptr ? trace_sole<kPrecision, kAnyHit>(target, ray, filter, best)
+                                 : trace_whole<kPrecision, kAnyHit>(target, ray, filter, best);
   }
   run.status[i] = hit ? RayStatus::kHit : RayStatus::kMiss;
   ++run.single_rays;
@@ -143,9 +142,9 @@ constexpr std::uint32_t kFewestTogether = 4;
 
 }  // namespace
 
-BatchTarget::BatchTarget(const Scene& whole) : scene(whole) {
+BatchTarget::BatchTarget(const Scene& whole, InstanceMask query_mask) : scene(whole), mask(query_mask) {
   const std::optional<std::uint32_t> id = whole.top_level().sole_instance();
-  if (!id) return;
+  if (!id || !whole.instance(*id).seen_by(mask)) return;
   sole = &whole.instance(*id);
   sole_id = *id;
 }

@@ -17,11 +17,12 @@ namespace gridcast::scene {
 
 /// What is the same for all rays of a batch.
 struct BatchTarget {
-  explicit BatchTarget(const Scene& whole);
+  BatchTarget(const Scene& whole, InstanceMask query_mask);
 
   const Scene& scene;
-  /// The only instance that can be hit, where there is but one: no top level is needed then, and packets go
-  /// straight to its tree.
+  InstanceMask mask;
+  /// The only instance of the scene, where there is but one and the batch sees it: no top level is needed
+  /// then, and packets go straight to its tree.
   const Instance* sole = nullptr;
   std::uint32_t sole_id = kInvalidId;
 };

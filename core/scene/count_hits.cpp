@@ -12,13 +12,13 @@ namespace {
 
 constexpr std::size_t kRaysPerBlock = 512;
 
-void count(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, CrossingCount& counter) {
+void count(const Scene& scene, const Ray& ray, const QueryFilter& filter, CrossingCount& counter) {
   counter.start(ray.tfar);
   mesh::ObjectRay object_ray;
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
     const Instance& instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
-    if (prepare_for(object_ray, instance.transform, blas, ray, ray.tfar, id, excluded)) {
+    if (prepare_for(object_ray, instance, blas, ray, ray.tfar, id, filter)) {
       counter.enter(blas.mesh());
       blas.intersect_every<Precision::kRobust>(object_ray, counter);
       counter.leave();
@@ -41,7 +41,8 @@ Result<HitCounts> count_hits(const Scene& scene, const RayBatch& rays, const Cou
           return true;
         }
         CrossingCount& counter = counters.local();
-        count(scene, ray, i < rays.excluded.size() ? rays.excluded[i] : PrimitiveRef{}, counter);
+        const PrimitiveRef excluded = i < rays.excluded.size() ? rays.excluded[i] : PrimitiveRef{};
+        count(scene, ray, {excluded, options.mask}, counter);
         out.status[i] = counter.hits() > 0 ? RayStatus::kHit : RayStatus::kMiss;
         out.count[i] = counter.hits();
         out.crossings[i] = counter.crossings();

@@ -6,7 +6,8 @@ namespace gridcast::scene {
 
 /// What a version looks like, as data without nodes, skins and animations: its meshes as they are bent now
 /// and its instances where they are now, under the same ids (removed ones have a transform without size).
-/// build_scene makes a scene of it that gives the same answers. Shares the meshes.
+/// build_scene makes a scene of it that gives the same answers to queries that see all. Shares the meshes;
+/// masks are left out.
 [[nodiscard]] SceneData flattened(const Scene& scene);
 
 /// Whether the meshes of `data` are what its rest pose shows: none is skinned or has morph weights. Who reads

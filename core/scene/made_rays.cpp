@@ -68,8 +68,9 @@ template <class Trace, class Keep>
 Status trace_pieces(const MadeRays& rays, const TraceOptions& options, const Trace& trace, const Keep& keep) {
   TraceStats sum, piece;
   Status traced = for_each_piece(rays, [&](const RayBatch& batch, std::size_t begin) -> Status {
-    const TraceOptions of_piece{options.precision, options.fields, options.stop,
-                                progress_of(options.progress, begin, batch.size(), rays.count), &piece};
+    TraceOptions of_piece = options;
+    of_piece.progress = progress_of(options.progress, begin, batch.size(), rays.count);
+    of_piece.stats = &piece;
     const auto answer = trace(batch, of_piece);
     if (!answer) return answer.error();
     keep(begin, *answer);

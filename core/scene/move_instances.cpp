@@ -71,6 +71,12 @@ class Mover {
   }
 
  private:
+  /// What of an instance stays.
+  struct Kept {
+    std::uint32_t mesh_id = kInvalidId;
+    InstanceMask mask = kFullMask;
+  };
+
   template <std::size_t kChunk, class Visit>
   void for_each_chunk(std::size_t begin, std::size_t end, const Visit& visit) const {
     while (begin < end) {
@@ -92,21 +98,21 @@ class Mover {
         note_wrong(k);
         sound = false;
       } else {
-        mesh_ids_[k - begin] = instances_[id].mesh_id;
+        kept_[k - begin] = {instances_[id].mesh_id, instances_[id].mask};
       }
     }
     if (!sound) return;
     own_chunk(instances_, moves_.id(begin), end - begin);
     for (std::size_t k = begin; k < end; k += TransformBatch::kSize)
-      move_eight(k, std::min(TransformBatch::kSize, end - k), mesh_ids_ + (k - begin));
+      move_eight(k, std::min(TransformBatch::kSize, end - k), kept_ + (k - begin));
   }
 
-  void move_eight(std::size_t begin, std::size_t count, const std::uint32_t* mesh_ids) {
+  void move_eight(std::size_t begin, std::size_t count, const Kept* kept) {
     HullLanes hulls;
-    hulls.fill(&hulls_[mesh_ids[0]]);
+    hulls.fill(&hulls_[kept[0].mesh_id]);
     for (std::size_t lane = 0; lane < count; ++lane) {
       batch_.set(lane, moves_[begin + lane].world_from_object);
-      hulls[lane] = &hulls_[mesh_ids[lane]];
+      hulls[lane] = &hulls_[kept[lane].mesh_id];
     }
     batch_.invert();
     hit_boxes(batch_, hulls, box_lanes_);
@@ -115,8 +121,9 @@ class Mover {
       if (((batch_.active() >> lane) & 1U) == 0) note_wrong(begin + lane);
       Instance& instance = instances_.write(id);
       batch_.get(lane, instance.transform);
-      instance.mesh_id = mesh_ids[lane];
+      instance.mesh_id = kept[lane].mesh_id;
       instance.alive = true;
+      instance.mask = kept[lane].mask;
       boxes_.write(id) = hulls[lane]->empty() ? tlas::InstanceBox{} : box_lanes_.box(lane);
     }
   }
@@ -135,7 +142,7 @@ class Mover {
   std::atomic<std::size_t>& first_wrong_;
   TransformBatch batch_;
   BoxLanes box_lanes_{};
-  std::uint32_t mesh_ids_[Instances::kChunkSize] = {};
+  Kept kept_[Instances::kChunkSize] = {};
 };
 
 Error why_wrong(const Scene& scene, std::span<const MoveInstance> moves, std::size_t place) {

@@ -91,10 +91,11 @@ class NearestSink final : public blas::PointSink {
   Nearest& best_;
 };
 
-Nearest find_nearest(const Scene& scene, const Vec3d& point, double max_distance) {
-  Nearest best{max_distance};
-  scene.top_level().search(point, max_distance, [&](std::uint32_t id) {
+Nearest find_nearest(const Scene& scene, const Vec3d& point, const NearestOptions& options) {
+  Nearest best{options.max_distance};
+  scene.top_level().search(point, options.max_distance, [&](std::uint32_t id) {
     const Instance& instance = scene.instance(id);
+    if (!instance.seen_by(options.mask)) return best.distance;
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     NearestSink sink(blas.mesh(), instance.transform, id, point, double(blas.bounds().magnitude()), best);
     blas.search(sink);
@@ -109,27 +110,27 @@ Result<NearestColumns> nearest_points(const Scene& scene, const PointBatch& poin
                                       const NearestOptions& options) try {
   NearestColumns out;
   out.resize(points.size());
-  const bool whole =
-      for_each_in_blocks(points.size(), kPointsPerBlock, options.stop, options.progress,
-                         [&](std::size_t i, std::size_t /*block*/) {
-                           const Vec3d point = points[i];
-                           if (!is_valid_point(point)) {
-                             out.status[i] = RayStatus::kInvalid;
-                             return true;
-                           }
-                           const Nearest best = find_nearest(scene, point, options.max_distance);
-                           if (best.primitive_id == kInvalidId) return true;
-                           out.status[i] = RayStatus::kHit;
-                           out.distance[i] = best.distance;
-                           for (int axis = 0; axis < 3; ++axis)
-                             out.position[3 * i + std::size_t(axis)] = point[axis] + best.offset[axis];
-                           out.uv[2 * i] = float(best.u);
-                           out.uv[2 * i + 1] = float(best.v);
-                           out.instance_id[i] = best.instance_id;
-                           out.mesh_id[i] = scene.instance(best.instance_id).mesh_id;
-                           out.primitive_id[i] = best.primitive_id;
-                           return true;
-                         });
+  const bool whole = for_each_in_blocks(points.size(), kPointsPerBlock, options.stop, options.progress,
+                                        [&](std::size_t i, std::size_t /*block*/) {
+                                          const Vec3d point = points[i];
+                                          if (!is_valid_point(point)) {
+                                            out.status[i] = RayStatus::kInvalid;
+                                            return true;
+                                          }
+                                          const Nearest best = find_nearest(scene, point, options);
+                                          if (best.primitive_id == kInvalidId) return true;
+                                          out.status[i] = RayStatus::kHit;
+                                          out.distance[i] = best.distance;
+                                          for (int axis = 0; axis < 3; ++axis)
+                                            out.position[3 * i + std::size_t(axis)] =
+                                                point[axis] + best.offset[axis];
+                                          out.uv[2 * i] = float(best.u);
+                                          out.uv[2 * i + 1] = float(best.v);
+                                          out.instance_id[i] = best.instance_id;
+                                          out.mesh_id[i] = scene.instance(best.instance_id).mesh_id;
+                                          out.primitive_id[i] = best.primitive_id;
+                                          return true;
+                                        });
   if (!whole) return Error{ErrorCode::kCancelled, "the search was cancelled", ""};
   return out;
 } catch (const std::bad_alloc&) {

@@ -16,6 +16,7 @@ struct NearestOptions {
   double max_distance = std::numeric_limits<double>::infinity();
   std::stop_token stop;  ///< checked at every point
   ProgressCallback progress;
+  InstanceMask mask = kFullMask;  ///< which instances count
 };
 
 /// The nearest surface point of the scene for every point, by (distance, instance_id, primitive_id): the same
@@ -28,6 +29,7 @@ struct InsideOptions {
   std::uint64_t max_total_rows = 1ULL << 22;  ///< of the answer: more is an error
   std::stop_token stop;                       ///< checked at every point
   ProgressCallback progress;
+  InstanceMask mask = kFullMask;  ///< which instances count
 };
 
 /// The winding number of every point in every instance, by the signed crossings of a ray, and whether it lies

@@ -64,12 +64,14 @@ std::int32_t winding_of(const blas::Blas& blas, const Vec3d& point, CrossingCoun
   return counter.winding();
 }
 
-PointPlace place_of(const Scene& scene, const Vec3d& point, CrossingCount& counter, BlockRows& block) {
+PointPlace place_of(const Scene& scene, const Vec3d& point, InstanceMask mask, CrossingCount& counter,
+                    BlockRows& block) {
   PointPlace place = PointPlace::kOutside;
   const std::size_t first = block.rows.size();
   bool inside = false, on_boundary = false, unknown = false;
   scene.top_level().search(point, 0.0, [&](std::uint32_t id) {
     const Instance& instance = scene.instance(id);
+    if (!instance.seen_by(mask)) return 0.0;
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     const Vec3d object_point = instance.transform.point_to_object(point);
     if (!to_double(blas.bounds()).contains(object_point)) return 0.0;
@@ -120,18 +122,18 @@ Result<InsideColumns> points_inside(const Scene& scene, const PointBatch& points
   std::vector<BlockRows> blocks((points.size() + kPointsPerBlock - 1) / kPointsPerBlock);
   std::atomic<std::uint64_t> total = 0;
   tbb::enumerable_thread_specific<CrossingCount> counters;
-  const bool whole = for_each_in_blocks(points.size(), kPointsPerBlock, options.stop, options.progress,
-                                        [&](std::size_t i, std::size_t b) {
-                                          const Vec3d point = points[i];
-                                          if (!is_valid_point(point)) {
-                                            out.place[i] = PointPlace::kInvalid;
-                                            return true;
-                                          }
-                                          const std::size_t before = blocks[b].rows.size();
-                                          out.place[i] = place_of(scene, point, counters.local(), blocks[b]);
-                                          out.splits[i + 1] = blocks[b].rows.size() - before;
-                                          return (total += out.splits[i + 1]) <= options.max_total_rows;
-                                        });
+  const bool whole = for_each_in_blocks(
+      points.size(), kPointsPerBlock, options.stop, options.progress, [&](std::size_t i, std::size_t b) {
+        const Vec3d point = points[i];
+        if (!is_valid_point(point)) {
+          out.place[i] = PointPlace::kInvalid;
+          return true;
+        }
+        const std::size_t before = blocks[b].rows.size();
+        out.place[i] = place_of(scene, point, options.mask, counters.local(), blocks[b]);
+        out.splits[i + 1] = blocks[b].rows.size() - before;
+        return (total += out.splits[i + 1]) <= options.max_total_rows;
+      });
   if (!whole) {
     if (options.stop.stop_requested()) return Error{ErrorCode::kCancelled, "the search was cancelled", ""};
     return Error{ErrorCode::kLimitExceeded,

@@ -12,7 +12,8 @@ namespace gridcast::scene {
 /// reference to the scene.
 class RunTracer {
  public:
-  RunTracer(const Scene& scene, Precision precision) : target_(scene), precision_(precision) {}
+  RunTracer(const Scene& scene, Precision precision, InstanceMask mask = kFullMask)
+      : target_(scene, mask), precision_(precision) {}
 
   /// Answers as those of scene::intersect, ray by ray. `excluded` is empty or as long as `rays`.
   void intersect(std::span<const Ray> rays, std::span<const PrimitiveRef> excluded,

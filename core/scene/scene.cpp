@@ -19,6 +19,8 @@ const Instance* Scene::find_instance(std::uint32_t instance_id) const {
 
 const std::string& Scene::instance_name(std::uint32_t instance_id) const {
   static const std::string unnamed;
+  if (new_names_ != nullptr)
+    if (const auto found = new_names_->find(instance_id); found != new_names_->end()) return found->second;
   if (instance_id < data_->instances.size()) return data_->instances[instance_id].name.str();
   // Binary search: names are added in the order of ids.
   std::size_t low = 0, high = added_names_.size();
@@ -44,6 +46,10 @@ std::size_t Scene::memory_bytes() const {
   std::size_t bytes = instances_.memory_bytes() + added_names_.memory_bytes() +
                       data_->instances.capacity() * sizeof(InstanceData) + top_level_.memory_bytes() +
                       scene::memory_bytes(*pose_);
+  // Of a tree: three pointers and a colour beside each name.
+  if (new_names_ != nullptr)
+    for (const auto& entry : *new_names_)
+      bytes += 4 * sizeof(void*) + sizeof(entry) + entry.second.capacity();
   for (const blas::Blas& blas : blas_) bytes += blas.mesh().memory_bytes() + blas.stats().memory_bytes;
   return bytes;
 }

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <stop_token>
@@ -11,6 +12,7 @@
 #include "core/blas/blas.h"
 #include "core/math/affine.h"
 #include "core/math/chunked_vector.h"
+#include "core/math/instance_mask.h"
 #include "core/scene/mesh_hull.h"
 #include "core/scene/scene_data.h"
 #include "core/tlas/top_level.h"
@@ -26,7 +28,11 @@ struct Instance {
   InstanceTransform transform;
   std::uint32_t mesh_id = kInvalidId;
   bool alive = true;
+  InstanceMask mask = kFullMask;  ///< 0: no query sees it
+
+  [[nodiscard]] bool seen_by(InstanceMask query) const { return (mask & query) != 0; }
 };
+static_assert(sizeof(Instance) == sizeof(InstanceTransform) + 8, "the mask lies in the padding");
 
 /// An immutable snapshot. Any number of threads may query one while newer ones are made; snapshots share
 /// all that an update did not touch.
@@ -79,6 +85,8 @@ class Scene {
   std::vector<MeshHull> hulls_;  ///< one per mesh
   ChunkedVector<Instance, 32> instances_;
   ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id
+  /// In place of the names that instances came with; null where none has another.
+  std::shared_ptr<const std::map<std::uint32_t, std::string>> new_names_;
   std::size_t live_instances_ = 0;
   std::uint64_t world_triangles_ = 0;
   tlas::TopLevel top_level_;

@@ -30,6 +30,16 @@ std::uint32_t SceneEditor::add_instance(const Instance& instance, const std::str
   return instance_id;
 }
 
+void SceneEditor::set_name(std::uint32_t instance_id, const std::string& name) {
+  if (new_names_ == nullptr) {
+    new_names_ = scene_->new_names_ == nullptr
+                     ? std::make_shared<std::map<std::uint32_t, std::string>>()
+                     : std::make_shared<std::map<std::uint32_t, std::string>>(*scene_->new_names_);
+    scene_->new_names_ = new_names_;
+  }
+  (*new_names_)[instance_id] = name;
+}
+
 void SceneEditor::remove_instance(std::uint32_t instance_id) {
   Instance& instance = scene_->instances_.write(instance_id);
   instance.alive = false;

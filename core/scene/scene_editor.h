@@ -51,6 +51,11 @@ class SceneEditor {
   void move_instance(std::uint32_t instance_id, const InstanceTransform& transform) {
     scene_->instances_.write(instance_id).transform = transform;
   }
+  void set_mask(std::uint32_t instance_id, InstanceMask mask) {
+    scene_->instances_.write(instance_id).mask = mask;
+  }
+  /// In place of the name that the instance has.
+  void set_name(std::uint32_t instance_id, const std::string& name);
   /// Many at once, each at most once, in parallel, with their boxes. Fails with the first move that is wrong,
   /// `/3/instance_id` (kNotFound, kInvalidArgument for a second move of an instance) or
   /// `/3/world_from_object` (kInvalidArgument); the editor is of no use then.
@@ -77,6 +82,7 @@ class SceneEditor {
   tlas::BoxTable& boxes();
 
   std::shared_ptr<Scene> scene_;
+  std::shared_ptr<std::map<std::uint32_t, std::string>> new_names_;  ///< the scene's, once they are its own
   std::optional<tlas::BoxTable> boxes_;
   std::vector<std::uint32_t> moved_;  ///< by move_instances: their boxes are in boxes_
 };

@@ -16,19 +16,20 @@ class SceneKeeper {
  public:
   static SceneState state_of(const Scene& scene) {
     const Kept kept = kept_of(scene);
-    SceneState state{kept.version, kept.build, kept.data, kept.pose, {}, {}, {}};
+    SceneState state{kept.version, kept.build, kept.data, kept.pose, {}, {}, {}, {}};
     for (const blas::Blas& blas : kept.blas) state.meshes.push_back({blas.mesh_ptr(), blas.options()});
     state.instances.reserve(kept.instances.size());
     for (std::size_t i = 0; i < kept.instances.size(); ++i)
       state.instances.push_back(state_of(kept.instances[i]));
     for (std::size_t i = 0; i < kept.added_names.size(); ++i)
       state.added_names.push_back({kept.added_names[i].instance_id, kept.added_names[i].name});
+    if (kept.new_names != nullptr) state.new_names = *kept.new_names;
     return state;
   }
 
   static SceneDelta difference(const Scene& before, const Scene& after) {
     const Kept old = kept_of(before), now = kept_of(after);
-    SceneDelta delta{now.version, pose_change(old, now), {}, {}, {}};
+    SceneDelta delta{now.version, pose_change(old, now), {}, {}, {}, name_changes(old, now)};
     for (std::size_t i = 0; i < now.instances.size(); ++i) {
       if (i % Instances::kChunkSize == 0 && now.instances.shares_chunk(old.instances, i)) {
         i += Instances::kChunkSize - 1;
@@ -57,6 +58,7 @@ class SceneKeeper {
     const std::vector<blas::Blas>& blas;
     const Instances& instances;
     const ChunkedVector<Scene::AddedName, 64>& added_names;
+    const std::shared_ptr<const std::map<std::uint32_t, std::string>>& new_names;
     const std::shared_ptr<const SceneData>& data;
     const std::shared_ptr<const Pose>& pose;
   };
@@ -64,9 +66,9 @@ class SceneKeeper {
   static Kept kept_of(const Scene& scene) {
     // Every member by name: a new one does not compile before it is decided here whether it is kept. Those
     // that are not follow from those that are.
-    const auto& [version, build, blas, hulls, instances, added_names, live_instances, world_triangles,
-                 top_level, data, rig, pose] = scene;
-    return {version, build, blas, instances, added_names, data, pose};
+    const auto& [version, build, blas, hulls, instances, added_names, new_names, live_instances,
+                 world_triangles, top_level, data, rig, pose] = scene;
+    return {version, build, blas, instances, added_names, new_names, data, pose};
   }
 
   static std::optional<Pose> pose_change(const Kept& old, const Kept& now) {
@@ -76,12 +78,24 @@ class SceneKeeper {
     return pose;
   }
 
+  static std::map<std::uint32_t, std::string> name_changes(const Kept& old, const Kept& now) {
+    if (now.new_names == old.new_names || now.new_names == nullptr) return {};
+    std::map<std::uint32_t, std::string> changes = *now.new_names;
+    if (old.new_names != nullptr)
+      std::erase_if(changes, [&](const auto& entry) {
+        const auto was = old.new_names->find(entry.first);
+        return was != old.new_names->end() && was->second == entry.second;
+      });
+    return changes;
+  }
+
   static InstanceState state_of(const Instance& instance) {
-    return {instance.transform.world_from_object(), instance.mesh_id, instance.alive};
+    return {instance.transform.world_from_object(), instance.mesh_id, instance.alive, instance.mask};
   }
 
   static bool same(const InstanceState& a, const InstanceState& b) {
-    return a.world_from_object == b.world_from_object && a.mesh_id == b.mesh_id && a.alive == b.alive;
+    return a.world_from_object == b.world_from_object && a.mesh_id == b.mesh_id && a.alive == b.alive &&
+           a.mask == b.mask;
   }
 };
 
@@ -108,6 +122,9 @@ Status check_references(const SceneState& state) {
                    "/added_names"};
     next_id = named.instance_id + std::size_t(1);
   }
+  if (!state.new_names.empty() && state.new_names.rbegin()->first >= state.instances.size())
+    return Error{ErrorCode::kInvalidArgument, "a name is that of an instance that does not exist",
+                 "/new_names"};
   return ok_status();
 }
 
@@ -168,8 +185,8 @@ void place_instances(SceneEditor& editor, const std::vector<InstanceState>& inst
     const std::size_t end = std::min(instances.size(), (task + 1) * kInstancesPerTask);
     for (std::size_t i = task * kInstancesPerTask; i < end; ++i) {
       const InstanceState& state = instances[i];
-      editor.set_instance(std::uint32_t(i),
-                          {InstanceTransform(state.world_from_object), state.mesh_id, state.alive});
+      editor.set_instance(std::uint32_t(i), {InstanceTransform(state.world_from_object), state.mesh_id,
+                                             state.alive, state.mask});
       boxes[i] = editor.hit_box_of(std::uint32_t(i));
     }
   });
@@ -205,6 +222,7 @@ Result<std::shared_ptr<const Scene>> restore_scene(SceneState state, const Scene
   }
   place_instances(editor, state.instances);
   for (const InstanceName& named : state.added_names) editor.add_name(named.instance_id, named.name);
+  for (const auto& [id, name] : state.new_names) editor.set_name(id, name);
   editor.set_data(std::move(state.data), std::move(rig));
   editor.set_pose(std::move(state.pose));
   return editor.publish();

@@ -2,6 +2,7 @@
 // What of a scene has to be kept so that it answers the same after a restart: plain columns, without trees.
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,6 +17,7 @@ struct InstanceState {
   Affine world_from_object;
   std::uint32_t mesh_id = kInvalidId;
   bool alive = true;
+  InstanceMask mask = kFullMask;
 };
 
 /// A slot of a version that is not what it was in the version before.
@@ -49,7 +51,8 @@ struct SceneState {
   std::shared_ptr<const Pose> pose;
   std::vector<MeshState> meshes;
   std::vector<InstanceState> instances;
-  std::vector<InstanceName> added_names;  ///< ascending by id
+  std::vector<InstanceName> added_names;           ///< ascending by id
+  std::map<std::uint32_t, std::string> new_names;  ///< in place of those, and of the file's
 };
 
 /// What turns one version into a later one. Neither shrinks: ids are never reused.
@@ -59,6 +62,7 @@ struct SceneDelta {
   std::vector<InstanceChange> instances;
   std::vector<InstanceName> added_names;
   std::vector<MeshChange> meshes;
+  std::map<std::uint32_t, std::string> new_names;  ///< that are not as before
 };
 
 [[nodiscard]] SceneState state_of(const Scene& scene);

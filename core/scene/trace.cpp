@@ -20,14 +20,14 @@ namespace {
 constexpr std::size_t kRaysPerTask = 2048;
 
 template <Precision kPrecision>
-SurfaceHit intersect_one(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
+SurfaceHit intersect_one(const Scene& scene, const Ray& ray, const QueryFilter& filter) {
   SurfaceHit surface;
   if (!is_valid(ray)) {
     surface.status = RayStatus::kInvalid;
     return surface;
   }
   Hit best{.t = ray.tfar};
-  closest_hit<kPrecision>(scene, ray, excluded, best);
+  closest_hit<kPrecision>(scene, ray, filter, best);
   if (!best.valid()) return surface;
   surface.status = RayStatus::kHit;
   describe(scene, best, surface);
@@ -36,9 +36,9 @@ SurfaceHit intersect_one(const Scene& scene, const Ray& ray, const PrimitiveRef&
 }
 
 template <Precision kPrecision>
-RayStatus occluded_one(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
+RayStatus occluded_one(const Scene& scene, const Ray& ray, const QueryFilter& filter) {
   if (!is_valid(ray)) return RayStatus::kInvalid;
-  return any_hit<kPrecision>(scene, ray, excluded) ? RayStatus::kHit : RayStatus::kMiss;
+  return any_hit<kPrecision>(scene, ray, filter) ? RayStatus::kHit : RayStatus::kMiss;
 }
 
 /// Traces a batch run by run over all cores and hands each run to `keep(run, source)`, where source(i) is the
@@ -47,7 +47,7 @@ template <Precision kPrecision, bool kAnyHit, class Keep>
 bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& options, const Keep& keep) {
   TraceStats stats;
   const RayOrder order = choose_order(scene, rays, stats);
-  const BatchTarget target(scene);
+  const BatchTarget target(scene, options.mask);
   const std::size_t count = rays.size();
   std::atomic<std::size_t> done = 0;
   tbb::enumerable_thread_specific<RayRun> runs;
@@ -122,14 +122,18 @@ Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
   return instance.transform.normal_to_world(normal);
 }
 
-SurfaceHit intersect(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded) {
-  return for_precision(
-      precision, [&]<Precision kPrecision>() { return intersect_one<kPrecision>(scene, ray, excluded); });
+SurfaceHit intersect(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded,
+                     InstanceMask mask) {
+  const QueryFilter filter{excluded, mask};
+  return for_precision(precision,
+                       [&]<Precision kPrecision>() { return intersect_one<kPrecision>(scene, ray, filter); });
 }
 
-RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded) {
-  return for_precision(
-      precision, [&]<Precision kPrecision>() { return occluded_one<kPrecision>(scene, ray, excluded); });
+RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded,
+                   InstanceMask mask) {
+  const QueryFilter filter{excluded, mask};
+  return for_precision(precision,
+                       [&]<Precision kPrecision>() { return occluded_one<kPrecision>(scene, ray, filter); });
 }
 
 Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const TraceOptions& options) try {

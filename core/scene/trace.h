@@ -10,20 +10,23 @@
 namespace gridcast::scene {
 
 /// Closest hit of one world ray. Invalid rays get RayStatus::kInvalid. Never fails, never throws.
-/// `excluded`: the primitive the ray starts on. SurfaceHit::t_error is left to scene::t_error.
+/// `excluded`: the primitive the ray starts on. `mask`: which instances it sees. SurfaceHit::t_error is left
+/// to scene::t_error.
 [[nodiscard]] SurfaceHit intersect(const Scene& scene, const Ray& ray,
-                                   Precision precision = Precision::kRobust, PrimitiveRef excluded = {});
+                                   Precision precision = Precision::kRobust, PrimitiveRef excluded = {},
+                                   InstanceMask mask = kFullMask);
 
 /// Whether anything lies in [tnear, tfar]: kHit, kMiss or kInvalid.
 [[nodiscard]] RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision = Precision::kRobust,
-                                 PrimitiveRef excluded = {});
+                                 PrimitiveRef excluded = {}, InstanceMask mask = kFullMask);
 
 struct TraceOptions {
   Precision precision = Precision::kRobust;
   HitField fields = HitField::kAll;
   std::stop_token stop;  ///< looked at between rays, and between packets of 16
   ProgressCallback progress;
-  TraceStats* stats = nullptr;  ///< where to say how the batch was traced; null = nobody asks
+  TraceStats* stats = nullptr;    ///< where to say how the batch was traced; null = nobody asks
+  InstanceMask mask = kFullMask;  ///< which instances the rays see
 };
 
 /// A batch over all cores, answers in the order of the rays. Only error: kCancelled.

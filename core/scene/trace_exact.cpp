@@ -11,17 +11,20 @@ namespace {
 struct ExactQuery {
   const Scene& scene;
   const Ray& ray;
-  const PrimitiveRef& excluded;
+  const QueryFilter& filter;
   mesh::ObjectRay object_ray;
   mesh::ExactRay exact_ray;
 
-  /// The structure to ask with `object_ray`, or null when nothing of the instance lies at tnear to `far`.
+  /// The structure to ask with `object_ray`, or null when nothing of the instance lies at tnear to `far`, or
+  /// the ray does not see it.
   const blas::Blas* enter(std::uint32_t instance_id, double far) {
     const Instance& instance = scene.instance(instance_id);
+    if (!instance.seen_by(filter.mask)) return nullptr;
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     if (!exact_ray.prepare(object_ray, ray, instance.transform, blas.mesh(), blas.bounds(), far))
       return nullptr;
     object_ray.instance_id = instance_id;
+    const PrimitiveRef& excluded = filter.excluded;
     object_ray.excluded_primitive = excluded.instance_id == instance_id ? excluded.primitive_id : kInvalidId;
     return &blas;
   }
@@ -29,8 +32,8 @@ struct ExactQuery {
 
 }  // namespace
 
-void closest_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
-  ExactQuery query{scene, ray, excluded, {}, {}};
+void closest_hit_exact(const Scene& scene, const Ray& ray, const QueryFilter& filter, Hit& best) {
+  ExactQuery query{scene, ray, filter, {}, {}};
   mesh::ExactBest found(best.t);
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
     if (const blas::Blas* blas = query.enter(id, found.upper)) blas->intersect_exact(query.object_ray, found);
@@ -46,8 +49,8 @@ void finish_exact(const Ray& ray, mesh::ExactBest& found, Hit& best) {
   best.t = exact_t(ray, *found.world_from_object, found.mesh->corners(best.primitive_id), best);
 }
 
-bool any_hit_exact(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
-  ExactQuery query{scene, ray, excluded, {}, {}};
+bool any_hit_exact(const Scene& scene, const Ray& ray, const QueryFilter& filter) {
+  ExactQuery query{scene, ray, filter, {}, {}};
   bool hit = false;
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
     const blas::Blas* blas = query.enter(id, ray.tfar);

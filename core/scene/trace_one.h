@@ -4,18 +4,23 @@
 #include <limits>
 
 #include "core/mesh/object_ray.h"
+#include "core/scene/query_filter.h"
 #include "core/scene/scene.h"
 #include "core/scene/trace_exact.h"
 
 namespace gridcast::scene {
 
-/// `ray` in the object space of an instance, ready for its tree. False when it misses the mesh's box.
-inline bool prepare_for(mesh::ObjectRay& prepared, const InstanceTransform& transform, const blas::Blas& blas,
-                        const Ray& ray, double far, std::uint32_t instance_id, const PrimitiveRef& excluded) {
+/// `ray` in the object space of an instance, ready for its tree. False when the ray does not see the instance
+/// or misses the mesh's box.
+inline bool prepare_for(mesh::ObjectRay& prepared, const Instance& instance, const blas::Blas& blas,
+                        const Ray& ray, double far, std::uint32_t instance_id, const QueryFilter& filter) {
+  if (!instance.seen_by(filter.mask)) return false;
+  const InstanceTransform& transform = instance.transform;
   const Ray object{transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
                    ray.tnear, far};
   if (!prepared.prepare(object, blas.bounds())) return false;
   prepared.instance_id = instance_id;
+  const PrimitiveRef& excluded = filter.excluded;
   prepared.excluded_primitive = excluded.instance_id == instance_id ? excluded.primitive_id : kInvalidId;
   return true;
 }
@@ -36,15 +41,15 @@ inline auto for_precision(Precision precision, const Body& body) {
 
 /// The closest hit of a valid ray, starting from best.t = ray.tfar.
 template <Precision kPrecision>
-inline void closest_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
+inline void closest_hit(const Scene& scene, const Ray& ray, const QueryFilter& filter, Hit& best) {
   if constexpr (kPrecision == Precision::kExact) {
-    closest_hit_exact(scene, ray, excluded, best);
+    closest_hit_exact(scene, ray, filter, best);
   } else {
     mesh::ObjectRay object_ray;
     scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
       const Instance& instance = scene.instance(id);
       const blas::Blas& blas = scene.blas(instance.mesh_id);
-      if (prepare_for(object_ray, instance.transform, blas, ray, best.t, id, excluded))
+      if (prepare_for(object_ray, instance, blas, ray, best.t, id, filter))
         blas.template intersect<kPrecision>(object_ray, best);
       return best.t;
     });
@@ -53,16 +58,16 @@ inline void closest_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& 
 
 /// Whether a valid ray hits anything.
 template <Precision kPrecision>
-inline bool any_hit(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded) {
+inline bool any_hit(const Scene& scene, const Ray& ray, const QueryFilter& filter) {
   if constexpr (kPrecision == Precision::kExact) {
-    return any_hit_exact(scene, ray, excluded);
+    return any_hit_exact(scene, ray, filter);
   } else {
     bool hit = false;
     mesh::ObjectRay object_ray;
     scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
       const Instance& instance = scene.instance(id);
       const blas::Blas& blas = scene.blas(instance.mesh_id);
-      hit = prepare_for(object_ray, instance.transform, blas, ray, ray.tfar, id, excluded) &&
+      hit = prepare_for(object_ray, instance, blas, ray, ray.tfar, id, filter) &&
             blas.template occluded<kPrecision>(object_ray, ray.tfar);
       return hit ? -std::numeric_limits<double>::infinity() : ray.tfar;
     });

@@ -26,7 +26,7 @@ class Update {
       return Error{ErrorCode::kLimitExceeded, "all instance ids are used", ""};
     const InstanceTransform transform(edit.world_from_object);
     if (!transform.active()) return singular_transform("/world_from_object");
-    touched_.push_back(editor_.add_instance({transform, edit.mesh_id, true}, edit.name));
+    touched_.push_back(editor_.add_instance({transform, edit.mesh_id, true, edit.mask}, edit.name));
     report_.added_instances.push_back(touched_.back());
     return ok_status();
   }
@@ -40,11 +40,15 @@ class Update {
 
   Status operator()(const MoveInstance& edit) {
     if (scene().find_instance(edit.instance_id) == nullptr) return no_instance(edit.instance_id);
-    const InstanceTransform transform(edit.world_from_object);
-    if (!transform.active()) return singular_transform("/world_from_object");
-    editor_.move_instance(edit.instance_id, transform);
-    touched_.push_back(edit.instance_id);
-    return ok_status();
+    return move(edit.instance_id, edit.world_from_object);
+  }
+
+  Status operator()(const ChangeInstance& edit) {
+    if (scene().find_instance(edit.instance_id) == nullptr) return no_instance(edit.instance_id);
+    // A mask moves nothing: the top level keeps every instance, whoever sees it.
+    if (edit.mask) editor_.set_mask(edit.instance_id, *edit.mask);
+    if (edit.name) editor_.set_name(edit.instance_id, *edit.name);
+    return edit.world_from_object ? move(edit.instance_id, *edit.world_from_object) : ok_status();
   }
 
   Status operator()(const MoveInstances& edit) {
@@ -90,6 +94,14 @@ class Update {
 
   static Error no_instance(std::uint32_t instance_id) {
     return {ErrorCode::kNotFound, "there is no instance " + std::to_string(instance_id), "/instance_id"};
+  }
+
+  Status move(std::uint32_t instance_id, const Affine& world_from_object) {
+    const InstanceTransform transform(world_from_object);
+    if (!transform.active()) return singular_transform("/world_from_object");
+    editor_.move_instance(instance_id, transform);
+    touched_.push_back(instance_id);
+    return ok_status();
   }
 
   void touch_instances_of_edited_meshes() {

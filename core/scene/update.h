@@ -16,6 +16,7 @@ struct AddInstance {
   std::uint32_t mesh_id = kInvalidId;
   Affine world_from_object;
   std::string name;
+  InstanceMask mask = kFullMask;
 };
 struct RemoveInstance {
   std::uint32_t instance_id = kInvalidId;
@@ -23,6 +24,13 @@ struct RemoveInstance {
 struct MoveInstance {
   std::uint32_t instance_id = kInvalidId;
   Affine world_from_object;
+};
+/// Changes what is given, and nothing else.
+struct ChangeInstance {
+  std::uint32_t instance_id = kInvalidId;
+  std::optional<Affine> world_from_object;
+  std::optional<InstanceMask> mask;
+  std::optional<std::string> name;
 };
 /// Many moves in one edit: no instance twice. Where an update moves many instances, this is the fast way.
 struct MoveInstances {
@@ -94,8 +102,8 @@ struct SetPose {
   UpdateMode mode = UpdateMode::kAuto;
 };
 
-using SceneEdit =
-    std::variant<AddInstance, RemoveInstance, MoveInstance, MoveInstances, ReplaceVertices, AddMesh, SetPose>;
+using SceneEdit = std::variant<AddInstance, RemoveInstance, MoveInstance, MoveInstances, ReplaceVertices,
+                               AddMesh, SetPose, ChangeInstance>;
 
 enum class MeshAction : std::uint8_t { kRefit, kRebuild };
 [[nodiscard]] std::string_view to_string(MeshAction action);  ///< refit, rebuild

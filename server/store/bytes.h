@@ -45,6 +45,10 @@ inline constexpr int kEnumerators = 0;
 
 class ByteWriter {
  public:
+  /// `format` is for `fields` to ask which members there are.
+  explicit ByteWriter(std::uint32_t format) : format_(format) {}
+  [[nodiscard]] std::uint32_t format() const { return format_; }
+
   template <class... T>
   void operator()(const T&... values) {
     (item(values), ...);
@@ -102,6 +106,7 @@ class ByteWriter {
     }
   }
 
+  std::uint32_t format_;
   std::string bytes_;
 };
 
@@ -110,6 +115,9 @@ class ByteWriter {
 class ByteReader {
  public:
   explicit ByteReader(std::string_view bytes) : bytes_(bytes) {}
+  /// Once it is known: 0 until then.
+  void set_format(std::uint32_t format) { format_ = format; }
+  [[nodiscard]] std::uint32_t format() const { return format_; }
 
   template <class... T>
   void operator()(T&... values) {
@@ -202,6 +210,7 @@ class ByteReader {
   }
 
   std::string_view bytes_;
+  std::uint32_t format_ = 0;
   bool failed_ = false;
 };
 

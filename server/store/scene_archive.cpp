@@ -130,7 +130,8 @@ Result<SceneArchive::Written> SceneArchive::write_snapshot(const scene::Scene& s
                     {},
                     {},
                     std::move(state.instances),
-                    std::move(state.added_names)};
+                    std::move(state.added_names),
+                    std::move(state.new_names)};
   const auto put = [&](const std::shared_ptr<const void>& thing,
                        const std::function<std::string()>& encoded) {
     auto file = put_known(thing, written.bytes, encoded);
@@ -307,7 +308,8 @@ Result<scene::SceneState> SceneArchive::read_snapshot(const SceneRow& row, Log& 
                           std::move(snapshot.pose),
                           {},
                           std::move(snapshot.instances),
-                          std::move(snapshot.added_names)};
+                          std::move(snapshot.added_names),
+                          std::move(snapshot.new_names)};
   for (const StoredMesh& stored : snapshot.meshes) {
     auto mesh = read_mesh(stored.file, meshes);
     if (!mesh) return mesh.error();

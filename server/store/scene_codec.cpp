@@ -11,13 +11,17 @@
 namespace gridcast::server::store {
 namespace {
 
-/// Before everything that is written: four letters and kFormat.
+/// Before everything that is written: four letters and the format.
 enum class Kind : std::uint32_t {
   kMesh = 0x48534d47,
   kData = 0x41544447,
   kSnapshot = 0x50534e47,
   kDelta = 0x544c4447
 };
+
+constexpr std::uint32_t newest_format(Kind kind) {
+  return kind == Kind::kSnapshot || kind == Kind::kDelta ? kVersionFormat : kContentFormat;
+}
 
 /// Columns of a mesh's vertices after a change: all values, or those at `ids` alone.
 struct ColumnDelta {
@@ -46,6 +50,7 @@ struct Delta {
   std::vector<scene::InstanceChange> instances;
   std::vector<scene::InstanceName> added_names;
   std::vector<MeshDelta> meshes;
+  std::map<std::uint32_t, std::string> new_names;
 };
 
 template <class A>
@@ -65,14 +70,16 @@ void fields(A& archive, Is<MeshDelta> auto& mesh) {
 }
 template <class A>
 void fields(A& archive, Is<Delta> auto& delta) {
-  auto& [version, pose, instances, added_names, meshes] = delta;
+  auto& [version, pose, instances, added_names, meshes, new_names] = delta;
   archive(version, pose, instances, added_names, meshes);
+  if (archive.format() >= 2) archive(new_names);
 }
 
 template <class T>
 std::string encode_as(Kind kind, const T& value) {
-  ByteWriter writer;
-  writer(std::uint32_t(kind), kFormat, value);
+  const std::uint32_t format = newest_format(kind);
+  ByteWriter writer(format);
+  writer(std::uint32_t(kind), format, value);
   return writer.take();
 }
 
@@ -84,8 +91,9 @@ Result<T> decode_as(Kind kind, std::string_view bytes) {
   ByteReader reader(bytes);
   reader(kind_read, format);
   if (kind_read != std::uint32_t(kind)) return Error{ErrorCode::kInvalidFile, "it holds something else", ""};
-  if (format != kFormat)
+  if (format < 1 || format > newest_format(kind))
     return Error{ErrorCode::kUnsupported, "it was written in format " + std::to_string(format), ""};
+  reader.set_format(format);
   reader(value);
   if (!reader.ok()) return Error{ErrorCode::kInvalidFile, "it breaks its format", ""};
   return value;
@@ -155,6 +163,7 @@ Status apply_instances(const Delta& delta, scene::SceneState& state) {
     state.instances[change.instance_id] = change.state;
   }
   state.added_names.insert(state.added_names.end(), delta.added_names.begin(), delta.added_names.end());
+  for (const auto& [id, name] : delta.new_names) state.new_names[id] = name;
   return ok_status();
 }
 
@@ -182,7 +191,7 @@ Result<Snapshot> decode_snapshot(std::string_view bytes) {
 }
 
 std::string encode(const scene::SceneDelta& delta) {
-  Delta written{delta.version, delta.pose, delta.instances, delta.added_names, {}};
+  Delta written{delta.version, delta.pose, delta.instances, delta.added_names, {}, delta.new_names};
   for (const scene::MeshChange& change : delta.meshes) written.meshes.push_back(mesh_delta(change));
   return encode_as(Kind::kDelta, written);
 }

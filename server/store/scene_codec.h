@@ -3,6 +3,7 @@
 // gets better does not change the answers of a scene that is there.
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -13,8 +14,11 @@
 
 namespace gridcast::server::store {
 
-/// Changes with every change of what is written below; decoding refuses another.
-inline constexpr std::uint32_t kFormat = 1;
+/// What meshes and what a file held are written in.
+inline constexpr std::uint32_t kContentFormat = 1;
+/// What snapshots and updates are written in. 1 had neither masks nor new names of instances.
+inline constexpr std::uint32_t kVersionFormat = 2;
+// Each changes with every change of what is written below. Older ones are read, newer ones refused.
 
 [[nodiscard]] std::string encode(const mesh::TriangleMesh& mesh);
 [[nodiscard]] Result<mesh::TriangleMesh> decode_mesh(std::string_view bytes);
@@ -37,6 +41,7 @@ struct Snapshot {
   std::vector<StoredMesh> meshes;
   std::vector<scene::InstanceState> instances;
   std::vector<scene::InstanceName> added_names;
+  std::map<std::uint32_t, std::string> new_names;
 };
 [[nodiscard]] std::string encode(const Snapshot& snapshot);
 [[nodiscard]] Result<Snapshot> decode_snapshot(std::string_view bytes);

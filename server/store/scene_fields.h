@@ -1,6 +1,6 @@
 #pragma once
 // The members of everything that is kept. Each binding names all members of its type: one that is added does
-// not compile before it is written here (and then kFormat changes).
+// not compile before it is written here (and then a format changes).
 
 #include "core/scene/scene_state.h"
 #include "server/store/bytes.h"
@@ -131,8 +131,9 @@ void fields(A& archive, Is<scene::Pose> auto& pose) {
 }
 template <class A>
 void fields(A& archive, Is<scene::InstanceState> auto& instance) {
-  auto& [world_from_object, mesh_id, alive] = instance;
+  auto& [world_from_object, mesh_id, alive, mask] = instance;
   archive(world_from_object, mesh_id, alive);
+  if (archive.format() >= 2) archive(mask);
 }
 template <class A>
 void fields(A& archive, Is<scene::InstanceChange> auto& change) {
@@ -151,8 +152,9 @@ void fields(A& archive, Is<StoredMesh> auto& mesh) {
 }
 template <class A>
 void fields(A& archive, Is<Snapshot> auto& snapshot) {
-  auto& [version, build, data, pose, source_meshes, meshes, instances, added_names] = snapshot;
+  auto& [version, build, data, pose, source_meshes, meshes, instances, added_names, new_names] = snapshot;
   archive(version, build, data, pose, source_meshes, meshes, instances, added_names);
+  if (archive.format() >= 2) archive(new_names);
 }
 
 }  // namespace gridcast::server::store

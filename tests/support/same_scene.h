@@ -26,10 +26,15 @@ inline void expect_same_pose(const scene::Pose& a, const scene::Pose& b) {
   EXPECT_EQ(a.animation->time_s, b.animation->time_s);
 }
 
-/// Version, pose, and every bit of the answers to rays into the box of `a`.
+/// Version, pose, names and masks, and every bit of the answers to rays into the box of `a`.
 inline void expect_same_scene(const scene::Scene& a, const scene::Scene& b) {
   EXPECT_EQ(a.version(), b.version());
   expect_same_pose(a.pose(), b.pose());
+  ASSERT_EQ(a.instance_slots(), b.instance_slots());
+  for (std::uint32_t id = 0; id < a.instance_slots(); ++id) {
+    EXPECT_EQ(a.instance(id).mask, b.instance(id).mask);
+    EXPECT_EQ(a.instance_name(id), b.instance_name(id));
+  }
   Random random(17);
   const Vec3d center = 0.5 * (a.bounds().lower + a.bounds().upper), half = 0.5 * a.bounds().extent();
   int hits = 0;

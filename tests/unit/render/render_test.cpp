@@ -90,7 +90,7 @@ TEST(Render, colours_equal_those_of_pixels_shaded_one_by_one) {
     settings.camera = default_camera(*scene, 1.0);
     const Film film = rendered(*scene, settings);
     const Lighting lighting = light_scene(*scene, settings);
-    const Whitted whitted(*scene, lighting, settings.precision, settings.max_depth);
+    const Whitted whitted(*scene, lighting, settings, settings.max_depth);
     const std::vector<float>& values = film.find("color")->values;
     for (int y = 0; y < settings.height_px; ++y) {
       for (int x = 0; x < settings.width_px; ++x) {

@@ -43,6 +43,7 @@ void expect_same_scene(const Scene& a, const Scene& b, test::Random& random) {
     ASSERT_EQ(x.condition(), y.condition());
     ASSERT_EQ(a.instance(id).mesh_id, b.instance(id).mesh_id);
     ASSERT_EQ(a.instance(id).alive, b.instance(id).alive);
+    ASSERT_EQ(a.instance(id).mask, b.instance(id).mask);
     ASSERT_EQ(a.top_level().box(id), b.top_level().box(id));
   }
   for (int i = 0; i < 100; ++i) {
@@ -57,7 +58,11 @@ void expect_same_scene(const Scene& a, const Scene& b, test::Random& random) {
 
 TEST(MoveInstances, answers_like_single_moves_for_any_share_and_leaves_the_old_version_alone) {
   test::Random random(test::seed_or(81));
-  const auto first = updated(*start_scene(random, 700), {RemoveInstance{5}, RemoveInstance{333}});
+  std::vector<SceneEdit> edits;
+  for (std::uint32_t id = 0; id < 700; ++id)
+    edits.emplace_back(ChangeInstance{id, {}, InstanceMask(37 * id + 1), {}});
+  edits.insert(edits.end(), {RemoveInstance{5}, RemoveInstance{333}});
+  const auto first = updated(*start_scene(random, 700), edits);
   for (const std::size_t count : {1U, 7U, 64U, 300U, 698U}) {
     SCOPED_TRACE(count);
     const std::vector<MoveInstance> moves = random_moves(*first, count, random);

@@ -62,5 +62,26 @@ TEST_F(SceneArchiveTest, poses_outlast_the_process_in_snapshots_and_are_gone_on_
   test::expect_same_scene(*edited(*posed, next), *edited(*restored, next));
 }
 
+TEST_F(SceneArchiveTest, masks_and_names_outlast_the_process_in_updates_and_snapshots) {
+  const auto first = scene::build_scene(test::puppet()).value();
+  const auto second = edited(*first, scene::ChangeInstance{0, {}, InstanceMask(6), "waver"});
+  const auto third = edited(*second, scene::AddInstance{0, {Mat3d(0.5), Vec3d(2.0, 1.0, 0.0)}, "added", 3});
+  const auto fourth = edited(*third, scene::ChangeInstance{1, {}, InstanceMask(0), "hidden"});
+  {
+    const auto archive = open();
+    const std::int64_t key = archive->create("a", {}, *first, 1).value();
+    ASSERT_TRUE(archive->append(key, *first, second));
+    ASSERT_TRUE(archive->append(key, *second, third));
+    ASSERT_TRUE(archive->append(key, *third, fourth));
+  }
+  const auto restored = reopened();
+  test::expect_same_scene(*fourth, *restored);
+  EXPECT_EQ(restored->instance(0).mask, 6U);
+  EXPECT_EQ(restored->instance_name(1), "hidden");
+  std::filesystem::remove_all(folder_);
+  ASSERT_TRUE(open()->create("b", {}, *fourth, 1));
+  test::expect_same_scene(*fourth, *reopened());
+}
+
 }  // namespace
 }  // namespace gridcast::server::store
