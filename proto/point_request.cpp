@@ -4,6 +4,7 @@
 #include <string>
 
 #include "proto/binary_rows.h"
+#include "proto/instance_mask.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
 
@@ -11,8 +12,8 @@ namespace gridcast::proto {
 namespace {
 
 /// That of points/closest comes last.
-constexpr std::array<std::string_view, 3> kMembers{"points", "deadline_ms", "max_distance"};
-constexpr std::array<std::string_view, 2> kParameters{"deadline_ms", "max_distance"};
+constexpr std::array<std::string_view, 4> kMembers{"points", "deadline_ms", "mask", "max_distance"};
+constexpr std::array<std::string_view, 3> kParameters{"deadline_ms", "mask", "max_distance"};
 
 void read_points(const JsonNode& node, const Limits& limits, std::vector<double>& rows) {
   const auto array = read_array(node);
@@ -36,9 +37,11 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, P
   if (!document) return document.problem();
   JsonProblems problems;
   const ObjectReader object(document.value().root(problems),
-                            std::span(kMembers).first(question == PointQuestion::kClosest ? 3 : 2));
+                            std::span(kMembers).first(question == PointQuestion::kClosest ? 4 : 3));
   if (const auto* node = problems.any() ? nullptr : object.find("deadline_ms"))
     request.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
+  if (const auto* node = problems.any() ? nullptr : object.find("mask"))
+    request.mask = read_query_mask(*node);
   if (question == PointQuestion::kClosest && !problems.any()) {
     const auto* node = object.find("max_distance");
     if (node != nullptr && !node->value.is_null()) {
@@ -54,12 +57,13 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, P
 
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    PointQuestion question, PointRequest& request) {
-  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 2 : 1));
+  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 3 : 2));
   if (const auto distance = query.number("max_distance", 0.0, std::numeric_limits<double>::max()))
     request.max_distance = *distance;
   // The smallest deadline that means anything is a microsecond.
   if (const auto deadline = query.number("deadline_ms", 1e-3, limits.deadline_ms))
     request.deadline_ms = deadline;
+  request.mask = query_mask(query, request.mask);
   return query.problem();
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "proto/instance_mask.h"
 #include "proto/vocabulary.h"
 
 namespace gridcast::proto {
@@ -57,6 +58,7 @@ void read_ray_options(const ObjectReader& body, const Limits& limits, RayOptions
     options.stats = read_flag(*node) ? StatsMode::kOn : StatsMode::kOff;
   if (const auto* node = body.find("deadline_ms"))
     options.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
+  if (const auto* node = body.find("mask")) options.mask = read_query_mask(*node);
 }
 
 void apply_ray_options(QueryReader& query, const Limits& limits, RayOptions& options) {
@@ -67,6 +69,7 @@ void apply_ray_options(QueryReader& query, const Limits& limits, RayOptions& opt
   // The smallest deadline that means anything is a microsecond.
   if (const auto deadline = query.number("deadline_ms", 1e-3, limits.deadline_ms))
     options.deadline_ms = deadline;
+  options.mask = query_mask(query, options.mask);
 }
 
 }  // namespace gridcast::proto

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string_view>
 
+#include "core/math/instance_mask.h"
 #include "core/math/ray_batch.h"
 #include "proto/json_reader.h"
 #include "proto/limits.h"
@@ -21,13 +22,14 @@ struct RayOptions {
   StatsMode stats = StatsMode::kOff;      ///< adds counts and times to the answer
   std::optional<double> deadline_ms;      ///< sooner than the server's own
   std::optional<std::uint32_t> max_hits;  ///< of a ray, where all hits are listed
+  InstanceMask mask = kFullMask;          ///< which instances are seen
 };
 
 /// A name of kHitFieldNames; nothing for any other. `status` and `t` are in every answer, so they add nothing
 /// to a set.
 [[nodiscard]] std::optional<HitField> parse_hit_field(std::string_view name);
 
-/// The members precision, fields, stats and deadline_ms, which are among those that `body` knows.
+/// The members precision, fields, stats, deadline_ms and mask, which are among those that `body` knows.
 void read_ray_options(const ObjectReader& body, const Limits& limits, RayOptions& options);
 /// The same as parameters.
 void apply_ray_options(QueryReader& query, const Limits& limits, RayOptions& options);

@@ -44,7 +44,8 @@ class RayRequest {
 
 /// `content_type` is the header's value, `body` the bytes. JSON (application/json): columns
 ///   {"origins": [[x,y,z]...], "directions": [[x,y,z]...], "tnear": [t|null...]?, "tfar": [t|null...]?,
-///    "exclude": [[instance_id, primitive_id]|null...]?, "precision"?, "fields"?, "stats"?, "deadline_ms"?}
+///    "exclude": [[instance_id, primitive_id]|null...]?, "precision"?, "fields"?, "stats"?, "deadline_ms"?,
+///    "mask"?}
 /// and for rays/all "max_hits"? and "after": [[t, instance_id, primitive_id]|null...]?,
 /// where a null tnear is 0 and a null tfar is unbounded. Binary (application/vnd.gridcast.rays;
 /// dtype=float32|float64; columns=6|8; exclude=none|ids), little-endian: with ids, uint32 [N, 2] of

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "proto/instance_mask.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
 #include "proto/vocabulary.h"
@@ -69,6 +70,7 @@ void read_settings(const ObjectReader& object, const Limits& limits, RenderReque
     request.precision = to_precision(read_choice(*node, kPrecisionNames));
   if (const JsonNode* node = object.find("deadline_ms"))
     request.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
+  if (const auto* node = object.find("mask")) request.mask = read_query_mask(*node);
 }
 
 /// Checks that span several members.
@@ -112,7 +114,7 @@ Parsed<RenderRequest> parse_render_request(std::string_view body, std::string_vi
   JsonProblems problems;
   const JsonNode root = document.value().root(problems);
   const ObjectReader object(root, {"camera", "width_px", "height_px", "integrator", "layers", "samples",
-                                   "max_depth", "precision", "format", "deadline_ms"});
+                                   "max_depth", "precision", "format", "deadline_ms", "mask"});
   RenderRequest request;
   if (!problems.any()) read_settings(object, limits, request);
   const auto format =

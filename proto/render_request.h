@@ -8,6 +8,7 @@
 #include <variant>
 #include <vector>
 
+#include "core/math/instance_mask.h"
 #include "core/math/ray.h"
 #include "proto/limits.h"
 #include "proto/parsed.h"
@@ -43,6 +44,7 @@ struct RenderRequest {
   Precision precision = Precision::kRobust;
   ImageFormat format = ImageFormat::kPng;
   std::optional<double> deadline_ms;
+  InstanceMask mask = kFullMask;  ///< which instances are in the picture
 };
 
 /// JSON with members as above, all optional, plus "format": "png"|"exr". Without `format` the Accept header

@@ -103,7 +103,8 @@ Json instance_json(const InstanceInfo& info) {
           {"name", info.name},
           {"transform", transform_json(info.world_from_object)},
           {"bounds", bounds_json(info.bounds)},
-          {"active", info.active}};
+          {"active", info.active},
+          {"mask", info.mask}};
 }
 
 /// `{"scene_version": "7"}`, ready for more members.

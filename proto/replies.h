@@ -10,6 +10,7 @@
 
 #include "core/math/affine.h"
 #include "core/math/bounds.h"
+#include "core/math/instance_mask.h"
 #include "proto/limits.h"
 
 namespace gridcast::proto {
@@ -111,6 +112,7 @@ struct InstanceInfo {
   Affine world_from_object;
   Bounds3d bounds;     ///< world space
   bool active = true;  ///< false: the transform is singular, nothing of it is ever hit
+  InstanceMask mask = kFullMask;
 };
 
 struct InstanceList {

@@ -5,6 +5,7 @@
 #include <unordered_set>
 
 #include "proto/geometry_reader.h"
+#include "proto/instance_reader.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
 #include "proto/vocabulary.h"
@@ -14,29 +15,44 @@ namespace {
 
 constexpr std::string_view kSceneNameRule = "must be 1 to 64 letters, digits, '_', '.' or '-'";
 
-std::vector<InstanceMove> read_moves(const JsonNode& node, const Limits& limits) {
-  std::vector<InstanceMove> moves;
+bool is_move(const InstanceChange& one) {
+  return one.change.world_from_object && !one.change.mask && !one.change.name;
+}
+
+InstancePatch patch_of(std::vector<InstanceChange> changes) {
+  InstancePatch patch;
+  if (!std::ranges::all_of(changes, is_move)) {
+    patch.changes = std::move(changes);
+    return patch;
+  }
+  patch.moves.reserve(changes.size());
+  for (const InstanceChange& one : changes)
+    patch.moves.push_back({one.instance_id, *one.change.world_from_object});
+  return patch;
+}
+
+std::vector<InstanceChange> read_changes(const JsonNode& node, const Limits& limits) {
+  std::vector<InstanceChange> changes;
   const auto array = read_array(node);
-  if (!array) return moves;
+  if (!array) return changes;
   if (array->size() > limits.instances_per_patch) {
     node.fail(ProblemCode::kOutOfRange,
               "at most " + std::to_string(limits.instances_per_patch) + " moves in one request");
-    return moves;
+    return changes;
   }
-  moves.reserve(array->size());
+  changes.reserve(array->size());
   std::unordered_set<std::uint32_t> seen;
   for (const simdjson::dom::element element : *array) {
-    const JsonNode child = node.child(element, moves.size());
-    const ObjectReader move(child, {"instance_id", "transform"});
-    const JsonNode* id = move.require("instance_id");
-    const JsonNode* transform = move.require("transform");
+    const JsonNode child = node.child(element, changes.size());
+    const ObjectReader object(child, {"instance_id", "transform", "mask", "name"});
+    const JsonNode* id = object.require("instance_id");
     if (node.problems->any()) break;
-    moves.push_back({read_id(*id), read_transform(*transform)});
-    if (!seen.insert(moves.back().instance_id).second)
+    changes.push_back({read_id(*id), read_change(child, object, limits)});
+    if (!seen.insert(changes.back().instance_id).second)
       id->fail(ProblemCode::kDuplicateId, "this instance is moved twice");
     if (node.problems->any()) break;
   }
-  return moves;
+  return changes;
 }
 
 template <class Scalar>
@@ -64,8 +80,7 @@ std::optional<std::size_t> find_repeated(const std::vector<InstanceMove>& moves)
   return i;
 }
 
-Parsed<std::vector<InstanceMove>> parse_binary_moves(const MediaType& type, std::string_view body,
-                                                     const Limits& limits) {
+Parsed<InstancePatch> parse_binary_moves(const MediaType& type, std::string_view body, const Limits& limits) {
   bool is_float = false;
   for (const auto& [name, value] : type.parameters) {
     if (name != "dtype" || (value != "float32" && value != "float64"))
@@ -95,7 +110,7 @@ Parsed<std::vector<InstanceMove>> parse_binary_moves(const MediaType& type, std:
   if (const auto i = find_repeated(moves))
     return Problem{ProblemCode::kDuplicateId, "this instance is moved twice",
                    "/moves/" + std::to_string(*i) + "/instance_id"};
-  return moves;
+  return InstancePatch{std::move(moves), {}};
 }
 
 }  // namespace
@@ -149,30 +164,20 @@ Parsed<EmptySceneRequest> parse_empty_scene(std::string_view body, const Limits&
 
 Parsed<AddInstanceRequest> parse_add_instance(std::string_view body, const Limits& limits) {
   return parse_body(body, limits, [&](const JsonNode& root) {
-    AddInstanceRequest request;
-    const ObjectReader object(root, {"mesh_id", "transform", "name"});
-    if (root.problems->any()) return request;
-    if (const JsonNode* mesh_id = object.require("mesh_id")) request.mesh_id = read_id(*mesh_id);
-    if (const JsonNode* transform = object.find("transform"))
-      request.world_from_object = read_transform(*transform);
-    if (const JsonNode* name = object.find("name")) request.name = read_name(*name, limits.name_bytes);
-    return request;
+    const ObjectReader object(root, {"mesh_id", "transform", "name", "mask"});
+    return root.problems->any() ? AddInstanceRequest() : read_added_instance(object, limits);
   });
 }
 
-Parsed<MoveInstanceRequest> parse_move_instance(std::string_view body, const Limits& limits) {
-  return parse_body(body, limits, [](const JsonNode& root) {
-    MoveInstanceRequest request;
-    const ObjectReader object(root, {"transform"});
-    if (root.problems->any()) return request;
-    if (const JsonNode* transform = object.require("transform"))
-      request.world_from_object = read_transform(*transform);
-    return request;
+Parsed<ChangeInstanceRequest> parse_change_instance(std::string_view body, const Limits& limits) {
+  return parse_body(body, limits, [&](const JsonNode& root) {
+    const ObjectReader object(root, {"transform", "mask", "name"});
+    return root.problems->any() ? ChangeInstanceRequest() : read_change(root, object, limits);
   });
 }
 
-Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view content_type, std::string_view body,
-                                                       const Limits& limits) {
+Parsed<InstancePatch> parse_move_instances(std::string_view content_type, std::string_view body,
+                                           const Limits& limits) {
   const auto type = parse_media_type(content_type);
   if (type && type->essence == kInstancesMediaType) return parse_binary_moves(*type, body, limits);
   if (!type || type->essence != kJsonMediaType)
@@ -182,7 +187,7 @@ Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view content_
   return parse_body(body, limits, [&](const JsonNode& root) {
     const ObjectReader object(root, {"moves"});
     const JsonNode* moves = root.problems->any() ? nullptr : object.require("moves");
-    return moves == nullptr ? std::vector<InstanceMove>() : read_moves(*moves, limits);
+    return moves == nullptr ? InstancePatch() : patch_of(read_changes(*moves, limits));
   });
 }
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/math/affine.h"
+#include "core/math/instance_mask.h"
 #include "proto/limits.h"
 #include "proto/parsed.h"
 #include "proto/query.h"
@@ -37,33 +38,50 @@ struct EmptySceneRequest {
 };
 [[nodiscard]] Parsed<EmptySceneRequest> parse_empty_scene(std::string_view body, const Limits& limits);
 
-/// POST .../instances: {"mesh_id": 3, "transform": [[...]]?, "name": "..."?}; default transform identity.
+/// POST .../instances: {"mesh_id": 3, "transform": [[...]]?, "name": "..."?, "mask": 0 to 255?}; default
+/// transform identity, default mask 255.
 struct AddInstanceRequest {
   std::uint32_t mesh_id = kInvalidId;
   Affine world_from_object;
   std::string name;
+  InstanceMask mask = kFullMask;
 };
 [[nodiscard]] Parsed<AddInstanceRequest> parse_add_instance(std::string_view body, const Limits& limits);
 
-/// PATCH .../instances/{i}: {"transform": [[...]]}.
-struct MoveInstanceRequest {
-  Affine world_from_object;
+/// PATCH .../instances/{i}: {"transform": [[...]]?, "mask": 0 to 255?, "name": "..."?}, at least one of them;
+/// the rest stays.
+struct ChangeInstanceRequest {
+  std::optional<Affine> world_from_object;
+  std::optional<InstanceMask> mask;
+  std::optional<std::string> name;
 };
-[[nodiscard]] Parsed<MoveInstanceRequest> parse_move_instance(std::string_view body, const Limits& limits);
+[[nodiscard]] Parsed<ChangeInstanceRequest> parse_change_instance(std::string_view body,
+                                                                  const Limits& limits);
 
 /// POST .../scenes/{s}:fork?name=: the name of the copy; empty: the server makes one.
 [[nodiscard]] Parsed<std::string> parse_fork_query(const QueryParameters& query);
 
-/// PATCH .../instances: JSON {"moves": [{"instance_id": 3, "transform": [[...]]}, ...]}, or binary
-/// (application/vnd.gridcast.instances; dtype=float64|float32; default float64), little-endian: uint32 [K]
-/// instance ids, then [K, 3, 4] matrices, each three rows of [linear | translation]. Each instance once, all
-/// in one version. Pointers of problems, those of core too, are `/moves/INDEX`.
+/// PATCH .../instances: JSON {"moves": [{"instance_id": 3, "transform": [[...]]?, "mask"?, "name"?}, ...]}
+/// with the members of a change, or binary (application/vnd.gridcast.instances; dtype=float64|float32;
+/// default float64), little-endian: uint32 [K] instance ids, then [K, 3, 4] matrices, each three rows of
+/// [linear | translation]. Each instance once, all in one version. Pointers of problems, those of core too,
+/// are
+/// `/moves/INDEX`.
 struct InstanceMove {
   std::uint32_t instance_id = kInvalidId;
   Affine world_from_object;
 };
-[[nodiscard]] Parsed<std::vector<InstanceMove>> parse_move_instances(std::string_view content_type,
-                                                                     std::string_view body,
-                                                                     const Limits& limits);
+struct InstanceChange {
+  std::uint32_t instance_id = kInvalidId;
+  ChangeInstanceRequest change;
+};
+/// One of the two is empty.
+struct InstancePatch {
+  std::vector<InstanceMove> moves;      ///< where each has a transform and nothing else, the fast way
+  std::vector<InstanceChange> changes;  ///< where one has something else
+  [[nodiscard]] std::size_t size() const { return moves.size() + changes.size(); }
+};
+[[nodiscard]] Parsed<InstancePatch> parse_move_instances(std::string_view content_type, std::string_view body,
+                                                         const Limits& limits);
 
 }  // namespace gridcast::proto

@@ -17,7 +17,7 @@ struct Member {
   std::string_view types;
 };
 constexpr std::string_view kEveryType = "pfolg";
-constexpr std::array<Member, 19> kMembers{{{"type", kEveryType},
+constexpr std::array<Member, 20> kMembers{{{"type", kEveryType},
                                            {"pose", kEveryType},
                                            {"max_range", kEveryType},
                                            {"max_returns", kEveryType},
@@ -26,6 +26,7 @@ constexpr std::array<Member, 19> kMembers{{{"type", kEveryType},
                                            {"fields", kEveryType},
                                            {"stats", kEveryType},
                                            {"deadline_ms", kEveryType},
+                                           {"mask", kEveryType},
                                            {"width_px", "pfo"},
                                            {"height_px", "pfo"},
                                            {"yfov_deg", "p"},
@@ -188,7 +189,7 @@ Parsed<SensorRequest> parse_sensor_request(std::string_view text, const QueryPar
     return read;
   });
   if (!request) return request;
-  QueryReader query(parameters, {"precision", "fields", "stats", "deadline_ms"});
+  QueryReader query(parameters, {"precision", "fields", "stats", "deadline_ms", "mask"});
   apply_ray_options(query, limits, request->options);
   if (query.problem()) return *query.problem();
   if (request->noise_sigma > 0.0 && has(request->options.fields, HitField::kTError))

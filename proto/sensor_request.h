@@ -47,9 +47,9 @@ struct SensorRequest {
   RayOptions options;
 };
 
-/// JSON {"type", "pose", ...}: see openapi.yaml. precision, fields, stats and deadline_ms may come in the
-/// query string, which wins. Problems: those of the readers; unknown_field for a member of another type;
-/// invalid_value for the field t_error together with noise.
+/// JSON {"type", "pose", ...}: see openapi.yaml. precision, fields, stats, deadline_ms and mask may come
+/// in the query string, which wins. Problems: those of the readers; unknown_field for a member of another
+/// type; invalid_value for the field t_error together with noise.
 [[nodiscard]] Parsed<SensorRequest> parse_sensor_request(std::string_view body, const QueryParameters& query,
                                                          const Limits& limits);
 

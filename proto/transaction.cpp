@@ -3,6 +3,7 @@
 #include <array>
 
 #include "proto/geometry_reader.h"
+#include "proto/instance_reader.h"
 #include "proto/replies_json.h"
 #include "proto/vocabulary.h"
 
@@ -10,11 +11,13 @@ namespace gridcast::proto {
 namespace {
 
 void read_add(const JsonNode& node, const Limits& limits, AddInstanceRequest& edit) {
-  const ObjectReader object(node, {"op", "mesh_id", "transform", "name"});
-  if (const JsonNode* mesh_id = object.require("mesh_id")) edit.mesh_id = read_id(*mesh_id);
-  if (const JsonNode* transform = object.find("transform"))
-    edit.world_from_object = read_transform(*transform);
-  if (const JsonNode* name = object.find("name")) edit.name = read_name(*name, limits.name_bytes);
+  edit = read_added_instance(ObjectReader(node, {"op", "mesh_id", "transform", "name", "mask"}), limits);
+}
+
+void read_change_edit(const JsonNode& node, const Limits& limits, InstanceChange& edit) {
+  const ObjectReader object(node, {"op", "instance_id", "transform", "mask", "name"});
+  if (const JsonNode* id = object.require("instance_id")) edit.instance_id = read_id(*id);
+  edit.change = read_change(node, object, limits);
 }
 
 void read_move(const JsonNode& node, InstanceMove& edit) {
@@ -73,6 +76,8 @@ TransactionEdit read_edit(const JsonNode& node, const Limits& limits) {
   if (op == kEditNames[2]) return read(RemoveInstanceRequest{}, [&](auto& edit) { read_remove(node, edit); });
   if (op == kEditNames[4]) return PoseEditRequest{op, read_pose_edit(node, limits)};
   if (op == kEditNames[5]) return PoseEditRequest{op, read_weights_edit(node)};
+  if (op == kEditNames[6])
+    return read(InstanceChange{}, [&](auto& edit) { read_change_edit(node, limits, edit); });
   return read(MeshVerticesRequest{}, [&](auto& edit) { read_vertices(node, edit); });
 }
 

@@ -30,10 +30,11 @@ struct PoseEditRequest {
   PoseRequest pose;
 };
 using TransactionEdit = std::variant<AddInstanceRequest, InstanceMove, RemoveInstanceRequest,
-                                     MeshVerticesRequest, PoseEditRequest>;
+                                     MeshVerticesRequest, PoseEditRequest, InstanceChange>;
 
-/// {"edits": [{"op": "add_instance", "mesh_id", "transform"?, "name"?},
+/// {"edits": [{"op": "add_instance", "mesh_id", "transform"?, "name"?, "mask"?},
 ///            {"op": "move_instance", "instance_id", "transform"},
+///            {"op": "change_instance", "instance_id", "transform"?, "mask"?, "name"?},
 ///            {"op": "remove_instance", "instance_id"},
 ///            {"op": "replace_vertices", "mesh_id", "positions", "vertex_ids"?, "update"?},
 ///            {"op": "set_pose", members of a PoseRequest},

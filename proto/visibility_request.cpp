@@ -44,7 +44,7 @@ std::optional<Problem> parse_json(std::string_view text, const Limits& limits, V
   JsonProblems problems;
   const ObjectReader body(document.value().root(problems),
                           {"from", "to", "exclude", "target", "margin", "blocker", "precision", "fields",
-                           "stats", "deadline_ms"});
+                           "stats", "deadline_ms", "mask"});
   if (!problems.any()) read_ray_options(body, limits, request.options);
   if (const auto* node = problems.any() ? nullptr : body.find("margin")) {
     request.margin = read_number(*node);
@@ -59,7 +59,7 @@ std::optional<Problem> parse_json(std::string_view text, const Limits& limits, V
 
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    VisibilityRequest& request) {
-  QueryReader query(parameters, {"margin", "blocker", "precision", "fields", "stats", "deadline_ms"});
+  QueryReader query(parameters, {"margin", "blocker", "precision", "fields", "stats", "deadline_ms", "mask"});
   apply_ray_options(query, limits, request.options);
   if (const auto margin = query.number("margin", 0.0, std::numeric_limits<double>::max()))
     request.margin = *margin;

@@ -43,7 +43,7 @@ class VisibilityRequest {
 
 /// JSON {"from": [[x,y,z]...], "to": [[x,y,z]...], "exclude"?, "target"?: [[instance_id,
 /// primitive_id]|null...], "margin"?, "blocker"?: true|false, "precision"?, "fields"?, "stats"?,
-/// "deadline_ms"?}, or binary (application/vnd.gridcast.pairs; dtype=float32|float64), little-endian
+/// "deadline_ms"?, "mask"?}, or binary (application/vnd.gridcast.pairs; dtype=float32|float64), little-endian
 /// row-major [N, 6], float32 by default. All but the columns may come in the query string, which wins. As
 /// many pairs as rays are taken. Problems: those of parse_ray_request, with too_many_points.
 [[nodiscard]] Parsed<VisibilityRequest> parse_visibility_request(std::string_view content_type,

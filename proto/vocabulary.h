@@ -22,8 +22,9 @@ inline constexpr std::array<std::string_view, 3> kUpdateModeNames{"auto", "refit
 inline constexpr std::array<std::string_view, 2> kPoseBaseNames{"rest", "present"};
 inline constexpr std::array<std::string_view, 2> kWrapNames{"clamp", "loop"};
 /// `op` of a transaction's edits.
-inline constexpr std::array<std::string_view, 6> kEditNames{
-    "add_instance", "move_instance", "remove_instance", "replace_vertices", "set_pose", "set_weights"};
+inline constexpr std::array<std::string_view, 7> kEditNames{
+    "add_instance", "move_instance", "remove_instance", "replace_vertices",
+    "set_pose",     "set_weights",   "change_instance"};
 inline constexpr std::array<std::string_view, 5> kSensorTypeNames{"pinhole", "fisheye", "orthographic",
                                                                   "lidar", "grid"};
 inline constexpr std::array<std::string_view, 4> kIntegratorNames{"whitted", "depth", "normal", "id"};

@@ -11,6 +11,7 @@
 #include "proto/vocabulary.h"
 #include "server/cast_rays.h"
 #include "server/cli_common.h"
+#include "server/cli_masks.h"
 #include "server/http_types.h"
 #include "server/signals.h"
 #include "server/thread_limit.h"
@@ -31,6 +32,7 @@ Examples:
   gridcast cast engine.glb --camera-grid 1024x1024
   gridcast cast engine.glb --rays rays.f32 -o hits.bin
   gridcast cast engine.glb --rays rays.f32 --fields t_error,instance_id -o hits.json
+  gridcast cast engine.glb --rays rays.f32 --instance-mask 3=0,4=2 --mask 1
   echo '{"origins": [[0,0,900]], "directions": [[0,0,-1]]}' | gridcast cast engine.glb --json-rays - -o hits.json)";
 
 class CastCommand final : public Command {
@@ -54,6 +56,7 @@ class CastCommand final : public Command {
         ->delimiter(',')
         ->check(CLI::IsMember(
             std::vector<std::string>(proto::kHitFieldNames.begin(), proto::kHitFieldNames.end())));
+    masks_.add_to(app);
     app.add_flag("--any", any_, "Only whether anything is hit, not what is hit first");
     app.add_option("--precision", precision_, "fast, robust or exact")
         ->capture_default_str()
@@ -68,12 +71,15 @@ class CastCommand final : public Command {
       return usage("--camera-grid is WIDTHxHEIGHT, each from 1 to 65536");
     if (!output_.empty() && ending != ".json" && ending != ".bin")
       return usage("the output's name must end in .json or .bin");
+    if (const auto wrong = masks_.read()) return usage(wrong->c_str());
     const ThreadLimit limit(file_.threads);
     const auto loaded = load_for_command(file_, stop);
     if (!loaded) return stop.stop_requested() ? kExitInterrupted : kExitFailed;
-    const auto rays = read_rays(source_, *loaded->scene, stop);
+    const auto scene = masks_.masked(loaded->scene);
+    if (!scene) return report(file_.path, scene.error());
+    const auto rays = read_rays(source_, **scene, stop);
     if (!rays) return report(rays_name(), rays.error());
-    return any_ ? cast_any(*loaded->scene, **rays, stop) : cast_closest(*loaded->scene, **rays, stop);
+    return any_ ? cast_any(**scene, **rays, stop) : cast_closest(**scene, **rays, stop);
   }
 
  private:
@@ -129,7 +135,7 @@ class CastCommand final : public Command {
 
   [[nodiscard]] scene::TraceOptions trace_options(HitField fields, const std::stop_token& stop,
                                                   ProgressBar& bar) const {
-    return {parse_precision(precision_).value(), fields, stop, bar.callback(), nullptr};
+    return {parse_precision(precision_).value(), fields, stop, bar.callback(), nullptr, masks_.mask()};
   }
 
   [[nodiscard]] int save(const std::string& bytes) const {
@@ -153,6 +159,7 @@ class CastCommand final : public Command {
 
   FileOptions file_;
   RaySource source_;
+  MaskOptions masks_;
   std::string output_;
   std::string precision_ = "robust";
   std::vector<std::string> fields_;

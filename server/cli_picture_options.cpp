@@ -42,6 +42,7 @@ void PictureOptions::add_to(CLI::App& app) {
   app.add_option("--precision", precision_, "fast, robust or exact")
       ->capture_default_str()
       ->check(CLI::IsMember(words(kPrecisionNames)));
+  masks_.add_to(app);
 }
 
 std::optional<std::string> PictureOptions::read(const std::string& output) {
@@ -50,6 +51,8 @@ std::optional<std::string> PictureOptions::read(const std::string& output) {
   request_.format = ending == ".exr" ? proto::ImageFormat::kExr : proto::ImageFormat::kPng;
   if (!request_.layers.empty() && ending == ".png") return "--layers needs an .exr";
   request_.precision = parse_precision(precision_).value();
+  if (auto wrong = masks_.read()) return wrong;
+  request_.mask = masks_.mask();
   if (camera_ != "auto" && !eye_.empty()) return "--camera and --eye exclude each other";
   if (!eye_.empty()) return read_view();
   if (camera_ == "auto") return std::nullopt;

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include "proto/render_request.h"
+#include "server/cli_masks.h"
 
 namespace gridcast::server {
 
@@ -18,11 +19,13 @@ class PictureOptions {
   [[nodiscard]] std::optional<std::string> read(const std::string& output);
 
   [[nodiscard]] const proto::RenderRequest& request() const { return request_; }
+  [[nodiscard]] const MaskOptions& masks() const { return masks_; }
 
  private:
   [[nodiscard]] std::optional<std::string> read_view();
 
   proto::RenderRequest request_;
+  MaskOptions masks_;
   std::string camera_ = "auto";
   std::string eye_;
   std::string target_ = "0,0,0";

@@ -66,7 +66,9 @@ class PlayCommand final : public Command {
     const ThreadLimit limit(file_.threads);
     auto loaded = load_for_command(file_, stop);
     if (!loaded) return stop.stop_requested() ? kExitInterrupted : kExitFailed;
-    scene_ = std::move(loaded->scene);
+    auto masked = picture_.masks().masked(std::move(loaded->scene));
+    if (!masked) return report(file_.path, masked.error());
+    scene_ = *std::move(masked);
     if (const Status found = find_animation(); !found) return report(file_.path, found.error());
     auto settings = make_settings(stop);
     if (!settings) return report(file_.path, settings.error());

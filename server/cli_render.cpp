@@ -21,6 +21,7 @@ taken, or one that frames the scene. --layers adds depth, normal, instance_id, m
 Examples:
   gridcast render engine.glb -o engine.png --width 800 --height 600 --samples 4
   gridcast render engine.glb -o engine.exr --layers depth,normal,instance_id
+  gridcast render engine.glb -o open.png --instance-mask 3=0
   gridcast render engine.glb -o top.png --eye 0,500,1 --target 0,0,0 --yfov-deg 40)";
 
 class RenderCommand final : public Command {
@@ -40,11 +41,13 @@ class RenderCommand final : public Command {
     const ThreadLimit limit(file_.threads);
     const auto loaded = load_for_command(file_, stop);
     if (!loaded) return stop.stop_requested() ? kExitInterrupted : kExitFailed;
-    auto settings = render_settings(*loaded->scene, picture_.request());
+    const auto scene = picture_.masks().masked(loaded->scene);
+    if (!scene) return report(file_.path, scene.error());
+    auto settings = render_settings(**scene, picture_.request());
     if (!settings) return report(file_.path, settings.error());
     const Clock::time_point started = Clock::now();
     ProgressBar bar("rendering", file_.verbosity());
-    const auto film = render::render(*loaded->scene, *settings, stop, bar.callback());
+    const auto film = render::render(**scene, *settings, stop, bar.callback());
     if (!film) return report(file_.path, film.error());
     const double render_ms = ms_between(started, Clock::now());
     const auto bytes = encode_picture(*film, picture_.request().format);

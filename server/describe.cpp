@@ -145,6 +145,7 @@ proto::InstanceInfo instance_info(const scene::Scene& scene, std::uint32_t insta
   info.name = scene.instance_name(instance_id);
   info.world_from_object = instance.transform.world_from_object();
   info.active = instance.transform.active();
+  info.mask = instance.mask;
   if (info.active) info.bounds = instance.transform.bounds_to_world(scene.blas(instance.mesh_id).bounds());
   return info;
 }

@@ -56,6 +56,7 @@ Result<render::RenderSettings> render_settings(const scene::Scene& scene,
   settings.samples = request.samples;
   settings.max_depth = request.max_depth;
   settings.precision = request.precision;
+  settings.mask = request.mask;
   if (Status valid = validate(settings); !valid) return valid.error();
   return settings;
 }

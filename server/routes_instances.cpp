@@ -1,9 +1,12 @@
+#include <algorithm>
+
 #include "proto/etag.h"
 #include "proto/media_type.h"
 #include "proto/replies.h"
 #include "proto/scene_request.h"
 #include "server/api.h"
 #include "server/describe.h"
+#include "server/instance_edit.h"
 #include "server/problem.h"
 
 namespace gridcast::server {
@@ -46,7 +49,7 @@ HttpResponse add_instance(Api& api, const HttpRequest& request, Cancellation& ca
   if (!parsed) return problem_response(parsed.problem());
   if (parsed->mesh_id >= open.scene->mesh_count())
     return problem_response({ProblemCode::kMeshNotFound, "there is no such mesh", "/mesh_id"});
-  scene::AddInstance edit{parsed->mesh_id, parsed->world_from_object, std::move(parsed->name)};
+  scene::AddInstance edit{parsed->mesh_id, parsed->world_from_object, std::move(parsed->name), parsed->mask};
   auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
@@ -56,20 +59,42 @@ HttpResponse add_instance(Api& api, const HttpRequest& request, Cancellation& ca
   return response.with("Location", "/v1/scenes/" + open.named->id() + "/instances/" + std::to_string(id));
 }
 
-HttpResponse move_instance(Api& api, const HttpRequest& request, Cancellation& cancellation) {
+HttpResponse change_instance(Api& api, const HttpRequest& request, Cancellation& cancellation) {
   if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   OpenScene& open = std::get<OpenScene>(opened);
   const auto id = parse_id(request.capture("i"));
   if (!id) return problem_response(no_instance());
-  auto parsed = proto::parse_move_instance(request.body, api.limits);
+  auto parsed = proto::parse_change_instance(request.body, api.limits);
   if (!parsed) return problem_response(parsed.problem());
-  auto result = update_scene(api, *open.named, request, {scene::MoveInstance{*id, parsed->world_from_object}},
+  auto result = update_scene(api, *open.named, request, {change_edit({*id, *std::move(parsed)})},
                              cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   const auto& scene = std::get<scene::UpdateResult>(result).scene;
   return versioned_json(to_json(instance_info(*scene, *id), scene->version()), scene->version());
+}
+
+/// As one edit where all are moves: that is the fast way.
+std::vector<scene::SceneEdit> edits_of(proto::InstancePatch patch) {
+  std::vector<scene::SceneEdit> edits;
+  edits.reserve(std::max<std::size_t>(patch.changes.size(), 1));
+  for (proto::InstanceChange& one : patch.changes) edits.emplace_back(change_edit(std::move(one)));
+  if (!edits.empty()) return edits;
+  scene::MoveInstances moves;
+  moves.moves.reserve(patch.moves.size());
+  for (const proto::InstanceMove& move : patch.moves)
+    moves.moves.push_back({move.instance_id, move.world_from_object});
+  edits.emplace_back(std::move(moves));
+  return edits;
+}
+
+/// Where each change is an edit of its own, its number is that of the move.
+std::string pointer_of_change(const std::string& pointer) {
+  constexpr std::string_view kEdits = "/edits";
+  if (!pointer.starts_with(kEdits)) return pointer;
+  const std::size_t end = std::min(pointer.find('/', kEdits.size() + 1), pointer.size());
+  return "/moves" + pointer.substr(kEdits.size(), end - kEdits.size()) + pointer_of_one(pointer);
 }
 
 HttpResponse move_instances(Api& api, const HttpRequest& request, Cancellation& cancellation) {
@@ -80,20 +105,18 @@ HttpResponse move_instances(Api& api, const HttpRequest& request, Cancellation& 
   OpenScene& open = std::get<OpenScene>(opened);
   auto parsed = proto::parse_move_instances(request.header("content-type"), request.body, api.limits);
   if (!parsed) return problem_response(parsed.problem());
-  scene::MoveInstances edit;
-  edit.moves.reserve(parsed->size());
-  for (const proto::InstanceMove& move : *parsed)
-    edit.moves.push_back({move.instance_id, move.world_from_object});
-  std::vector<scene::SceneEdit> edits;
-  edits.emplace_back(std::move(edit));
+  const std::size_t count = parsed->size();
+  const bool changes = !parsed->changes.empty();
+  const std::vector<scene::SceneEdit> edits = edits_of(*std::move(parsed));
   timing.mark("parse");
-  auto result = update_scene(api, *open.named, request, edits, cancellation, pointer_of_one);
+  auto result = update_scene(api, *open.named, request, edits, cancellation,
+                             changes ? pointer_of_change : pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
   const std::uint64_t version = updated.scene->version();
   HttpResponse response =
-      versioned_json(to_json(proto::MovesReply{version, parsed->size(), updated.report.ms}), version);
+      versioned_json(to_json(proto::MovesReply{version, count, updated.report.ms}), version);
   return response.with("Server-Timing", timing.header());
 }
 
@@ -129,7 +152,7 @@ void add_instance_routes(Router& router, Api& api) {
               })});
   router.add({"GET", one, {}, [&api](const HttpRequest& r, Cancellation&) { return get_instance(api, r); }});
   router.add({"PATCH", one, json, once_per_key(api, [&api](const HttpRequest& r, Cancellation& c) {
-                return move_instance(api, r, c);
+                return change_instance(api, r, c);
               })});
   router.add({"DELETE", one, {}, [&api](const HttpRequest& r, Cancellation& c) {
                 return remove_instance(api, r, c);

@@ -52,14 +52,15 @@ HttpResponse look_at_points(Api& api, const HttpRequest& request, Cancellation& 
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
   if (question == PointQuestion::kClosest) {
-    const scene::NearestOptions options{points->max_distance, cancellation.token(), {}};
+    const scene::NearestOptions options{points->max_distance, cancellation.token(), {}, points->mask};
     return reply(nearest_points(scene, points->batch(), options), scene.version(), *format, cancellation,
                  timing);
   }
   const scene::InsideOptions options{
       *format == ReplyFormat::kJson ? api.limits.json_hits : api.limits.binary_hits,
       cancellation.token(),
-      {}};
+      {},
+      points->mask};
   return reply(points_inside(scene, points->batch(), options), scene.version(), *format, cancellation,
                timing);
 }

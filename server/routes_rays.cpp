@@ -29,7 +29,8 @@ RayReply to(const Cast& cast) {
 HttpResponse answer_traced(const Cast& cast, RayQuestion question) {
   scene::TraceStats traced;
   const scene::TraceOptions options{
-      cast.rays.options.precision, cast.rays.options.fields, cast.cancellation.token(), {}, &traced};
+      cast.rays.options.precision, cast.rays.options.fields, cast.cancellation.token(), {}, &traced,
+      cast.rays.options.mask};
   if (question == RayQuestion::kAny)
     return reply(to(cast), occluded(cast.scene, cast.rays.batch(), options), &traced);
   return reply(to(cast), intersect(cast.scene, cast.rays.batch(), options), &traced);
@@ -44,6 +45,7 @@ HttpResponse answer_all(const Cast& cast) {
   options.max_total_hits = cast.format == ReplyFormat::kJson ? limits.json_hits : limits.binary_hits;
   options.after = cast.rays.after;
   options.stop = cast.cancellation.token();
+  options.mask = cast.rays.options.mask;
   return reply(to(cast), intersect_all(cast.scene, cast.rays.batch(), options), nullptr);
 }
 
@@ -68,7 +70,10 @@ HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cance
   const Cast cast{api, *std::get<OpenScene>(opened).scene, *rays, *format, cancellation, timing};
   if (question == RayQuestion::kAll) return answer_all(cast);
   if (question == RayQuestion::kCount)
-    return reply(to(cast), count_hits(cast.scene, cast.rays.batch(), {cancellation.token(), {}}), nullptr);
+    return reply(
+        to(cast),
+        count_hits(cast.scene, cast.rays.batch(), {cancellation.token(), {}, cast.rays.options.mask}),
+        nullptr);
   return answer_traced(cast, question);
 }
 

@@ -76,11 +76,13 @@ HttpResponse measure(const scene::Scene& scene, const SensorRequest& request, co
     options.max_total_hits =
         to.format == ReplyFormat::kJson ? to.api.limits.json_hits : to.api.limits.binary_hits;
     options.stop = to.cancellation.token();
+    options.mask = request.options.mask;
     return reply(to, disturbed(intersect_all(scene, rays, options)), nullptr);
   }
   scene::TraceStats traced;
   const scene::TraceOptions options{
-      request.options.precision, request.options.fields, to.cancellation.token(), {}, &traced};
+      request.options.precision, request.options.fields, to.cancellation.token(), {}, &traced,
+      request.options.mask};
   return reply(to, disturbed(intersect(scene, rays, options)), &traced);
 }
 

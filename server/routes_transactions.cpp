@@ -2,6 +2,7 @@
 #include "proto/transaction.h"
 #include "proto/vocabulary.h"
 #include "server/api.h"
+#include "server/instance_edit.h"
 #include "server/pose_edit.h"
 #include "server/problem.h"
 
@@ -13,11 +14,12 @@ using proto::ProblemCode;
 
 struct ToSceneEdit {
   scene::SceneEdit operator()(proto::AddInstanceRequest& edit) const {
-    return scene::AddInstance{edit.mesh_id, edit.world_from_object, std::move(edit.name)};
+    return scene::AddInstance{edit.mesh_id, edit.world_from_object, std::move(edit.name), edit.mask};
   }
   scene::SceneEdit operator()(proto::InstanceMove& edit) const {
     return scene::MoveInstance{edit.instance_id, edit.world_from_object};
   }
+  scene::SceneEdit operator()(proto::InstanceChange& edit) const { return change_edit(std::move(edit)); }
   scene::SceneEdit operator()(proto::RemoveInstanceRequest& edit) const {
     return scene::RemoveInstance{edit.instance_id};
   }
@@ -57,6 +59,9 @@ std::vector<proto::EditReply> edit_replies(const std::vector<scene::SceneEdit>& 
                std::nullopt};
     } else if (const auto* removed = std::get_if<scene::RemoveInstance>(&edit)) {
       reply = {std::string(proto::kEditNames[2]), removed->instance_id, std::nullopt, std::nullopt,
+               std::nullopt};
+    } else if (const auto* change = std::get_if<scene::ChangeInstance>(&edit)) {
+      reply = {std::string(proto::kEditNames[6]), change->instance_id, std::nullopt, std::nullopt,
                std::nullopt};
     } else if (std::holds_alternative<scene::SetPose>(edit)) {
       reply.op = pose_names[std::size_t(pose - report.poses.begin())];

@@ -38,8 +38,8 @@ HttpResponse look_between(Api& api, const HttpRequest& request, Cancellation& ca
   timing.mark("wait");
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
   scene::TraceStats traced;
-  const scene::VisibilityOptions how{{options.precision, options.fields, cancellation.token(), {}, &traced},
-                                     pairs->margin};
+  const scene::VisibilityOptions how{
+      {options.precision, options.fields, cancellation.token(), {}, &traced, options.mask}, pairs->margin};
   const RayReply to{api, scene.version(), options, *format, cancellation, timing};
   if (pairs->blocker == proto::BlockerMode::kNone)
     return reply_with(to, blocked(scene, pairs->batch(), how), &traced, write_visible);

@@ -233,50 +233,52 @@ class Scene:
         self._call("DELETE", "", if_version=if_version)
 
     def closest(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, precision=None,
-                fields=None, deadline_ms=None):
+                fields=None, deadline_ms=None, mask=None):
         """Closest hits of rays: origins and directions [N, 3]; tnear and tfar [N], scalars or None; exclude [N, 2],
-        the instance_id and primitive_id that each ray starts on and must not hit, NO_ID in both for none.
+        the instance_id and primitive_id that each ray starts on and must not hit, NO_ID in both for none; mask, 1 to
+        255: only instances whose own mask has a bit in common with it are there, all but those of mask 0 without it.
 
         Returns {"t": f8 [N], "status": u1 [N], "instance_id", "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2],
         "normal": f4 [N, 3]}, or status, t and the `fields` asked for. `fields=["t_error"]` adds a certified bound,
         f8 [N]: the exact t of the reported triangle is within t_error of t, inf where nothing can be promised.
         """
         query = {"precision": precision, "fields": ",".join(fields) if fields is not None else None,
-                 "deadline_ms": deadline_ms}
+                 "deadline_ms": deadline_ms, "mask": mask}
         return self._rays("closest", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
 
     def occluded(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, precision=None,
-                 deadline_ms=None):
+                 deadline_ms=None, mask=None):
         """Whether anything lies on each ray: bool [N]. Invalid rays are not occluded."""
-        query = {"precision": precision, "deadline_ms": deadline_ms}
+        query = {"precision": precision, "deadline_ms": deadline_ms, "mask": mask}
         columns = self._rays("any", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
         return columns["status"] == 1
 
     def all_hits(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, max_hits=None,
-                 precision=None, fields=None, deadline_ms=None):
+                 precision=None, fields=None, deadline_ms=None, mask=None):
         """Every hit of every ray, by (t, instance_id, primitive_id): the columns of closest, a row per hit, with
         "status" u1 [N] (3: there are more than max_hits) and "splits" u8 [N + 1]: the hits of ray i are rows
         splits[i]:splits[i + 1]."""
         query = {"max_hits": max_hits, "precision": precision, "fields": ",".join(fields) if fields is not None else None,
-                 "deadline_ms": deadline_ms}
+                 "deadline_ms": deadline_ms, "mask": mask}
         return self._rays("all", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
 
-    def count_hits(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, deadline_ms=None):
+    def count_hits(self, origins, directions, tnear=None, tfar=None, *, exclude=None, dtype=np.float64, deadline_ms=None,
+                   mask=None):
         """{"count": triangles hit, "crossings": passages through a surface u4 [N], "winding": passages out less
         passages in i4 [N], "status": u1 [N]}."""
         rays = encode_rays(origins, directions, tnear, tfar, dtype, exclude)
-        return self._rays("count", rays, {"deadline_ms": deadline_ms})
+        return self._rays("count", rays, {"deadline_ms": deadline_ms, "mask": mask})
 
-    def closest_points(self, points, max_distance=None, deadline_ms=None):
+    def closest_points(self, points, max_distance=None, deadline_ms=None, mask=None):
         """The nearest surface points of points [N, 3]: {"distance": f8 [N], "position": f8 [N, 3], "instance_id",
         "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2], "status": u1 [N]}; distance inf where there is none."""
-        return self._points("closest", points, {"max_distance": max_distance, "deadline_ms": deadline_ms})
+        return self._points("closest", points, {"max_distance": max_distance, "deadline_ms": deadline_ms, "mask": mask})
 
-    def inside(self, points, deadline_ms=None):
+    def inside(self, points, deadline_ms=None, mask=None):
         """What points [N, 3] are inside of: {"place": u1 [N] (0 outside, 1 inside, 2 on a triangle, 3 unknown, 4
         invalid), "splits": u8 [N + 1], and by row "instance_id", "mesh_id", "winding", "on_boundary";
         "open_meshes"}."""
-        return self._points("inside", points, {"deadline_ms": deadline_ms})
+        return self._points("inside", points, {"deadline_ms": deadline_ms, "mask": mask})
 
     def _points(self, kind, points, query):
         body = np.ascontiguousarray(np.atleast_2d(points), "<f8").tobytes()
@@ -290,7 +292,7 @@ class Scene:
     def render(self, camera="auto", **settings):
         """PNG bytes, or EXR bytes with format="exr". `camera`: "auto", the index of a camera of the file, or
         {"eye": [3], "target": [3], "up": [3], "yfov_deg": 45}. Settings: width_px, height_px, integrator, layers,
-        samples, max_depth, precision, format, deadline_ms."""
+        samples, max_depth, precision, format, deadline_ms, mask."""
         return self._call("POST", "/renders", {"camera": camera} | settings, accept="image/png, image/x-exr;q=0.9")
 
     def start_render(self, camera="auto", **settings):
@@ -307,14 +309,17 @@ class Scene:
         body, _ = self.service.request("POST", self.path + "/tradeoffs", settings)
         return Job(self.service, json.loads(body)["id"])
 
-    def add_instance(self, mesh_id, transform=None, name=None, if_version=None):
+    def add_instance(self, mesh_id, transform=None, name=None, if_version=None, mask=None):
         """Places a mesh once more, at a [3, 4] or [4, 4] matrix; returns the instance's id."""
-        body = {"mesh_id": int(mesh_id)}
-        if transform is not None:
-            body["transform"] = np.asarray(transform, float).tolist()
-        if name is not None:
-            body["name"] = name
+        matrix = None if transform is None else np.asarray(transform, float)
+        body = _given(mesh_id=int(mesh_id), transform=matrix, name=name, mask=mask)
         return self._json("POST", "/instances", body, if_version=if_version)["instance_id"]
+
+    def change_instance(self, instance_id, transform=None, mask=None, name=None, if_version=None):
+        """Another place, mask (0 to 255, a query needs a bit of it) or name; returns the instance's description."""
+        matrix = None if transform is None else np.asarray(transform, float)
+        body = _given(transform=matrix, mask=mask, name=name)
+        return self._json("PATCH", f"/instances/{instance_id}", body, if_version=if_version)
 
     def move(self, transforms, if_version=None):
         """Moves instances in one version: {instance id: [3, 4] or [4, 4] matrix, world from object}."""
@@ -346,10 +351,8 @@ class Scene:
 
         Returns {"moved_instances", "meshes": [{"mesh_id", "action", ...}], ...}.
         """
-        if animation is not None:
-            members["animation" if isinstance(animation, str) else "animation_id"] = animation
-        if time_s is not None:
-            members["time_s"] = float(time_s)
+        key = "animation" if isinstance(animation, str) else "animation_id"
+        members |= _given(**{key: animation}, time_s=time_s)
         return self._json("PUT", "/pose", members, if_version=if_version)
 
     def set_weights(self, mesh_id, weights, if_version=None):
@@ -386,6 +389,11 @@ class Scene:
                           f"{VERTICES_TYPE}; layout={layout}", if_version)
 
 
+def _given(**members):
+    plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in members.items()}
+    return {name: value for name, value in plain.items() if value is not None}
+
+
 def _query(parameters):
-    given = {name: value for name, value in parameters.items() if value is not None}
-    return "?" + urllib.parse.urlencode(given) if given else ""
+    text = urllib.parse.urlencode(_given(**parameters))
+    return text and "?" + text

@@ -54,6 +54,7 @@ def play():
     steps.append(("DELETE", "/v1/scenes/b", None, None))
     steps.append(("DELETE", "/v1/scenes/a/instances/2", None, None))
     steps.append(("POST", "/v1/scenes?name=b", models.one_box(2.0), GLB))
+    steps.append(("PATCH", "/v1/scenes/a/instances/1", {"mask": 6, "name": "hidden from 1"}, None))
     return steps
 
 

@@ -139,6 +139,23 @@ def test_render_takes_a_view(run, model, tmp_path):
     assert done.stdout == b"" and done.stderr == b""
 
 
+def test_masks_hide_instances_of_a_file(run, model, tmp_path):
+    rays = json.dumps({"origins": [[3 * i, 10, 0] for i in range(3)], "directions": [[0, -1, 0]] * 3}).encode()
+
+    def seen(*options):
+        assert run("cast", model, "--json-rays", "-", "-o", "hits.json", *options, stdin=rays).returncode == DONE
+        return json.loads((tmp_path / "hits.json").read_text())["instance_id"]
+
+    assert seen() == [0, 1, 2]
+    masks = ("--instance-mask", "0=0,1=2")
+    assert seen(*masks) == [5, 1, 2] and seen(*masks, "--mask", 1) == [5, 5, 2]
+    pictures = []
+    for options in ((), masks, (*masks, "--mask", 1)):
+        assert run("render", model, "-o", "x.png", "--width", 48, "--height", 36, *options).returncode == DONE
+        pictures.append((tmp_path / "x.png").read_bytes())
+    assert len(set(pictures)) == 3
+
+
 WRONG_USAGE = [[], ["dance"], ["info"], ["info", "a.glb", "b.glb"], ["info", "row.glb", "--colour"],
                ["cast", "row.glb"], ["cast", "row.glb", "--camera-grid", "4x4", "--rays", "x"],
                ["cast", "row.glb", "--camera-grid", "4x4", "-o", "x.txt"],
@@ -146,7 +163,10 @@ WRONG_USAGE = [[], ["dance"], ["info"], ["info", "a.glb", "b.glb"], ["info", "ro
                ["render", "row.glb"], ["render", "row.glb", "-o", "x.jpg"], ["render", "row.glb", "-o", "x.png", "--width", "0"],
                ["render", "row.glb", "-o", "x.png", "--layers", "depth"], ["render", "row.glb", "-o", "x.png", "--eye", "1,2"],
                ["info", "row.glb", "--structure", "octree"], ["serve", "--port", "70000"], ["serve", "--host", "0.0.0.0"],
-               ["serve", "--port", "x"]]
+               ["serve", "--port", "x"],
+               *(["cast", "row.glb", "--camera-grid", "4x4", "--instance-mask", wrong]
+                 for wrong in ("3", "3=", "=1", "3=256", "3=-1", "-1=3", "3=1x", "3=1,4")),
+               *(["render", "row.glb", "-o", "x.png", "--mask", wrong] for wrong in ("0", "256", "-1", "x", "1.5"))]
 
 
 @pytest.mark.parametrize("arguments", WRONG_USAGE, ids=" ".join)
@@ -162,7 +182,8 @@ FAILURES = [["info", "none.glb"], ["info", "."], ["info", "cut.glb"], ["info", "
             ["cast", "row.glb", "--rays", "odd.f32"], ["cast", "row.glb", "--json-rays", "odd.f32"],
             ["cast", "row.glb", "--camera-grid", "4x4", "-o", "no/such/folder/x.bin"],
             ["render", "cut.glb", "-o", "x.png"], ["render", "row.glb", "-o", "no/such/folder/x.png"],
-            ["render", "row.glb", "-o", "x.png", "--camera", "7"]]
+            ["render", "row.glb", "-o", "x.png", "--camera", "7"],
+            ["render", "row.glb", "-o", "x.png", "--instance-mask", "99=1"]]
 
 
 @pytest.mark.parametrize("arguments", FAILURES, ids=" ".join)

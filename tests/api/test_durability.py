@@ -183,18 +183,22 @@ def test_an_ephemeral_server_writes_nothing(tmp_path, start_server, strace):
     assert written == []
 
 
-def test_a_data_folder_of_format_1_is_served_as_it_was(folder):
-    """Written by tests/durability/make_fixture.py when format 1 came."""
-    shutil.copytree(durability.FIXTURES / "format_1", folder)
+@pytest.mark.parametrize("name, version, instances", [
+    ("format_1", 4, [("box", 255), ("added", 255)]),
+    ("format_2", 5, [("box", 255), ("seen by 2 and 4", 6)])])
+def test_a_data_folder_of_an_older_format_is_served_as_it_was(folder, name, version, instances):
+    """Each was written by tests/durability/make_fixture.py when its format came: the second with masks and new names."""
+    shutil.copytree(durability.FIXTURES / name, folder)
     (folder / "files").mkdir(exist_ok=True)
 
     def look(server):
         scene = durability.Scene(server.client, "kept")
-        names = [one["name"] for one in scene.get("/instances").json()["instances"]]
+        listed = [(one["name"], one["mask"]) for one in scene.get("/instances").json()["instances"]]
         heights = 100.0 - scene.cast(models.rays_down([[0, 0], [8, 0.5]], height=100.0)).columns()["t"]
-        return scene.version(), names, heights.tolist()
+        return scene.version(), listed, heights.tolist()
 
-    version, names, heights = restarted(folder, look)
-    assert (version, names) == (4, ["box", "added"])
     # Corner 7 was lifted by 1: the tops are slopes.
-    assert heights == [1.5, 1.25]
+    assert restarted(folder, look) == (version, instances, [1.5, 1.25])
+    # And goes on from there, also with what its format did not have.
+    restarted(folder, lambda server: server.client.patch("/v1/scenes/kept/instances/0", {"mask": 1, "name": "now"}))
+    assert restarted(folder, look) == (version + 1, [("now", 1), instances[1]], [1.5, 1.25])

@@ -80,6 +80,23 @@ def test_it_moves_deforms_and_renders(row):
     assert picture.startswith(b"\x89PNG")
 
 
+def test_masks_and_names_of_instances(row):
+    down = ([[0.1, 10, 0.2], [3.1, 10, 0.2]], [0, -1, 0])
+    changed = row.change_instance(0, mask=6, name="hidden from 1")
+    assert (changed["mask"], changed["name"]) == (6, "hidden from 1")
+    assert row.change_instance(1, transform=np.eye(4), mask=0)["mask"] == 0
+    added = row.add_instance(0, np.array([[1, 0, 0, 3], [0, 1, 0, 0], [0, 0, 1, 0]]), mask=1)
+    assert row.closest(*down, mask=2)["instance_id"].tolist() == [0, 5]
+    assert row.closest(*down, mask=1)["instance_id"].tolist() == [5, added]
+    assert row.occluded(*down, tfar=9.5, mask=1).tolist() == [False, True]
+    assert row.all_hits(*down, mask=1)["splits"].tolist() == [0, 2, 6]
+    assert row.count_hits(*down, mask=1)["crossings"].tolist() == [2, 4]
+    assert row.inside([[0, 0, 0]], mask=1)["place"].tolist() == [0]
+    assert row.inside([[0, 0, 0]], mask=4)["place"].tolist() == [1]
+    assert row.closest_points([0, 0.5, 0], mask=1)["instance_id"].tolist() != [0]
+    assert row.render(width_px=24, height_px=16, mask=1) != row.render(width_px=24, height_px=16, mask=2)
+
+
 def test_it_transacts_forks_and_moves_by_columns(row, library):
     copy = row.fork(name="python-copy", if_version=row.version)
     try:

@@ -22,7 +22,8 @@ def main():
                  ("PATCH", "/v1/scenes/kept/instances/0", {"transform": durability.transform(0.0, 0.5)}, None),
                  ("PATCH", "/v1/scenes/kept/meshes/0/vertices", {"positions": [[1, 2, 1]], "vertex_ids": [7]}, None),
                  ("POST", "/v1/scenes/kept/instances",
-                  {"mesh_id": 0, "transform": durability.transform(8, 0), "name": "added"}, None)):
+                  {"mesh_id": 0, "transform": durability.transform(8, 0), "name": "added"}, None),
+                 ("PATCH", "/v1/scenes/kept/instances/1", {"mask": 6, "name": "seen by 2 and 4"}, None)):
         assert durability.act(server, step) in (200, 201)
     assert server.stop() == 0
     (folder / "lock").unlink()

@@ -70,6 +70,7 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
       break;
     case 10:
       check(parse_move_instances("application/json", body, limits));
+      check(parse_change_instance(body, limits));
       break;
     case 11:
       check(parse_tradeoff_request(body, 2, limits));

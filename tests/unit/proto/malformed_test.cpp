@@ -205,7 +205,7 @@ TEST(MalformedJson, rays_of_the_wrong_shape_are_422_with_the_place) {
       {rays_with(R"(,"deadline_ms":0)"), "out_of_range 422 /deadline_ms"},
       {rays_with(R"(,"deadline_ms":-1)"), "out_of_range 422 /deadline_ms"},
       {rays_with(R"(,"deadline_ms":30001)"), "out_of_range 422 /deadline_ms"},
-      {rays_with(R"(,"mask":1)"), "unknown_field 422 /mask"},
+      {rays_with(R"(,"masks":1)"), "unknown_field 422 /masks"},
       {rays_with(R"(,"":1)"), "unknown_field 422 /"},
       {rays_with(R"(,"a/b~c":1)"), "unknown_field 422 /a~1b~0c"},
       {rays_with(R"(,"Origins":[])"), "unknown_field 422 /Origins"},
@@ -243,6 +243,12 @@ TEST(MalformedJson, transactions_name_the_edit_and_the_place_in_it) {
       {second(R"({"op":"remove_instance","instance_id":1,"transform":)" + identity + "}"),
        "unknown_field 422 /edits/1/transform"},
       {second(R"({"op":"move_instance","instance_id":1})"), "missing_field 422 /edits/1/transform"},
+      {second(R"({"op":"move_instance","instance_id":1,"mask":3})"), "unknown_field 422 /edits/1/mask"},
+      {second(R"({"op":"change_instance","instance_id":1})"), "missing_field 422 /edits/1"},
+      {second(R"({"op":"change_instance","mask":1})"), "missing_field 422 /edits/1/instance_id"},
+      {second(R"({"op":"change_instance","instance_id":1,"mask":256})"), "out_of_range 422 /edits/1/mask"},
+      {second(R"({"op":"change_instance","instance_id":1,"mask":0})"), "ok"},
+      {second(R"({"op":"add_instance","mesh_id":1,"mask":-1})"), "out_of_range 422 /edits/1/mask"},
       {second(R"({"op":"move_instance","instance_id":1,"transform":[[1,0,0,0],[0,1,0],[0,0,1,0]]})"),
        "wrong_length 422 /edits/1/transform/1"},
       {second(R"({"op":"add_instance"})"), "missing_field 422 /edits/1/mesh_id"},
@@ -269,7 +275,7 @@ TEST(MalformedJson, instances_and_scenes_are_checked_to_the_last_number) {
       {R"({"moves":{}})", "wrong_type 422 /moves"},
       {R"({"moves":[3]})", "wrong_type 422 /moves/0"},
       {R"({"moves":[{}]})", "missing_field 422 /moves/0/instance_id"},
-      {R"({"moves":[{"instance_id":1}]})", "missing_field 422 /moves/0/transform"},
+      {R"({"moves":[{"instance_id":1}]})", "missing_field 422 /moves/0"},
       {R"({"moves":[{"instance_id":-1,"transform":)" + identity + "}]}",
        "out_of_range 422 /moves/0/instance_id"},
       {R"({"moves":[{"instance_id":1.5,"transform":)" + identity + "}]}",
@@ -286,8 +292,13 @@ TEST(MalformedJson, instances_and_scenes_are_checked_to_the_last_number) {
       {R"({"moves":[{"instance_id":1,"transform":)" + identity + R"(},{"instance_id":1,"transform":)" +
            identity + "}]}",
        "duplicate_id 422 /moves/1/instance_id"},
-      {R"({"moves":[{"instance_id":1,"mask":2,"transform":)" + identity + "}]}",
-       "unknown_field 422 /moves/0/mask"},
+      {R"({"moves":[{"instance_id":1,"mask":256,"transform":)" + identity + "}]}",
+       "out_of_range 422 /moves/0/mask"},
+      {R"({"moves":[{"instance_id":1,"mesh_id":2,"transform":)" + identity + "}]}",
+       "unknown_field 422 /moves/0/mesh_id"},
+      {R"({"moves":[{"instance_id":1,"mask":0},{"instance_id":1,"name":"a"}]})",
+       "duplicate_id 422 /moves/1/instance_id"},
+      {R"({"moves":[{"instance_id":1,"mask":0},{"instance_id":2,"name":"a"}]})", "ok"},
       {R"({"moves":[{"instance_id":1,"transform":)" + identity + "}]}", "ok"},
       {R"({"moves":[]})", "ok"},
   };
@@ -303,6 +314,8 @@ TEST(MalformedJson, instances_and_scenes_are_checked_to_the_last_number) {
       {R"({"mesh_id":0,"name":")" + std::string(257, 'n') + "\"}", "invalid_value 422 /name"},
       {R"({"mesh_id":0,"name":")" + std::string(256, 'n') + "\"}", "ok"},
       {R"({"mesh_id":2.0})", "ok"},
+      {R"({"mesh_id":2,"mask":256})", "out_of_range 422 /mask"},
+      {R"({"mesh_id":2,"mask":[1]})", "wrong_type 422 /mask"},
   };
   for (const Case& c : adds) EXPECT_EQ(outcome(parse_add_instance(c.body, limits)), c.expected) << c.body;
   const std::vector<Case> scenes{
@@ -314,7 +327,6 @@ TEST(MalformedJson, instances_and_scenes_are_checked_to_the_last_number) {
       {R"({"name":"lab_1.x-y"})", "ok"},
   };
   for (const Case& c : scenes) EXPECT_EQ(outcome(parse_empty_scene(c.body, limits)), c.expected) << c.body;
-  EXPECT_EQ(outcome(parse_move_instance("{}", limits)), "missing_field 422 /transform");
 }
 
 TEST(MalformedJson, vertices_are_finite_as_floats) {

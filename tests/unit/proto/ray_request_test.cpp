@@ -66,7 +66,7 @@ TEST(RayRequest, query_parameters_are_strict) {
   const auto parse = [](const QueryParameters& query) {
     return outcome(parse_ray_request(kBinary, "", query, Limits{}));
   };
-  EXPECT_EQ(parse({{"mask", "1"}}), "unknown_parameter 422 ?mask");
+  EXPECT_EQ(parse({{"masks", "1"}}), "unknown_parameter 422 ?masks");
   EXPECT_EQ(parse({{"precision", ""}}), "invalid_value 422 ?precision");
   EXPECT_EQ(parse({{"precision", "fast"}, {"precision", "fast"}}), "invalid_value 422 ?precision");
   EXPECT_EQ(parse({{"fields", "uv,"}}), "ok");

@@ -17,9 +17,10 @@ namespace {
 TEST(SceneRequest, transforms_are_rows_with_the_translation_last) {
   for (const std::string last : {"", ",[0,0,0,1]", ",[0,0.0,-0.0,1e0]"}) {
     const auto move =
-        parse_move_instance(R"({"transform":[[1,2,3,4],[5,6,7,8],[9,10,11,12])" + last + "]}", Limits{});
+        parse_change_instance(R"({"transform":[[1,2,3,4],[5,6,7,8],[9,10,11,12])" + last + "]}", Limits{});
     ASSERT_EQ(outcome(move), "ok");
-    const Affine& m = move.value().world_from_object;
+    const Affine& m = move.value().world_from_object.value();
+    EXPECT_FALSE(move.value().mask || move.value().name);
     EXPECT_EQ(m.translation, Vec3d(4, 8, 12));
     EXPECT_EQ(m.vector({1, 0, 0}), Vec3d(1, 5, 9));
     EXPECT_EQ(m.vector({0, 0, 1}), Vec3d(3, 7, 11));
@@ -70,6 +71,38 @@ TEST(SceneRequest, the_number_of_moves_is_limited) {
   }
 }
 
+TEST(SceneRequest, a_change_is_what_is_given) {
+  const auto mask = parse_change_instance(R"({"mask":0})", Limits{});
+  ASSERT_EQ(outcome(mask), "ok");
+  EXPECT_EQ(mask.value().mask, InstanceMask(0));
+  EXPECT_FALSE(mask.value().world_from_object || mask.value().name);
+  const auto name = parse_change_instance(R"({"name":"","mask":255.0})", Limits{});
+  ASSERT_EQ(outcome(name), "ok");
+  EXPECT_EQ(name.value().name, "");
+  EXPECT_EQ(name.value().mask, kFullMask);
+  EXPECT_EQ(parse_add_instance(R"({"mesh_id":3})", Limits{}).value().mask, kFullMask);
+  EXPECT_EQ(parse_add_instance(R"({"mesh_id":3,"mask":6})", Limits{}).value().mask, 6U);
+}
+
+TEST(SceneRequest, moves_stay_moves_until_one_changes_more) {
+  const std::string move = R"({"instance_id":4,"transform":[[1,0,0,7],[0,1,0,0],[0,0,1,0]]})";
+  const auto moves = parse_move_instances("application/json", R"({"moves":[)" + move + "]}", Limits{});
+  ASSERT_EQ(outcome(moves), "ok");
+  ASSERT_EQ(moves.value().moves.size(), 1U);
+  EXPECT_TRUE(moves.value().changes.empty());
+  const auto both = parse_move_instances(
+      "application/json", R"({"moves":[)" + move + R"(,{"instance_id":2,"mask":4,"name":"x"}]})", Limits{});
+  ASSERT_EQ(outcome(both), "ok");
+  EXPECT_TRUE(both.value().moves.empty());
+  ASSERT_EQ(both.value().changes.size(), 2U);
+  EXPECT_EQ(both.value().changes[0].instance_id, 4U);
+  EXPECT_EQ(both.value().changes[0].change.world_from_object.value().translation, Vec3d(7, 0, 0));
+  EXPECT_FALSE(both.value().changes[0].change.mask);
+  EXPECT_EQ(both.value().changes[1].instance_id, 2U);
+  EXPECT_EQ(both.value().changes[1].change.mask, InstanceMask(4));
+  EXPECT_EQ(both.value().changes[1].change.name, "x");
+}
+
 /// uint32 ids, then 3x4 rows counting up from 1.
 template <class Scalar>
 std::string binary_moves(const std::vector<std::uint32_t>& ids) {
@@ -86,12 +119,13 @@ TEST(SceneRequest, binary_moves_are_ids_and_then_rows) {
         is_float ? parse_move_instances(type + "; dtype=float32", binary_moves<float>({7, 3}), Limits{})
                  : parse_move_instances(type, binary_moves<double>({7, 3}), Limits{});
     ASSERT_EQ(outcome(moves), "ok");
-    ASSERT_EQ(moves.value().size(), 2U);
-    EXPECT_EQ(moves.value()[0].instance_id, 7U);
-    EXPECT_EQ(moves.value()[1].instance_id, 3U);
-    EXPECT_EQ(moves.value()[0].world_from_object.translation, Vec3d(4, 8, 12));
-    EXPECT_EQ(moves.value()[1].world_from_object.translation, Vec3d(16, 20, 24));
-    EXPECT_EQ(moves.value()[0].world_from_object.vector({1, 0, 0}), Vec3d(1, 5, 9));
+    const std::vector<InstanceMove>& read = moves.value().moves;
+    ASSERT_EQ(read.size(), 2U);
+    EXPECT_EQ(read[0].instance_id, 7U);
+    EXPECT_EQ(read[1].instance_id, 3U);
+    EXPECT_EQ(read[0].world_from_object.translation, Vec3d(4, 8, 12));
+    EXPECT_EQ(read[1].world_from_object.translation, Vec3d(16, 20, 24));
+    EXPECT_EQ(read[0].world_from_object.vector({1, 0, 0}), Vec3d(1, 5, 9));
   }
 }
 
