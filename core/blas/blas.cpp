@@ -13,6 +13,7 @@
 #include "core/blas/cost_model.h"
 #include "core/blas/embree_tree.h"
 #include "core/blas/kd_tree.h"
+#include "core/blas/triangle_boxes.h"
 #include "core/blas/wide_bvh.h"
 #include "core/mesh/topology.h"
 
@@ -57,19 +58,6 @@ Status store(Slot& slot, Result<std::shared_ptr<const T>> built) {
   if (!built) return built.error();
   slot = *std::move(built);
   return ok_status();
-}
-
-/// Half the area of the boxes of all triangles, from at most kSampledTriangles evenly spaced ones: always the
-/// same of a mesh, so that two estimates of it compare.
-double half_area_of_triangles(const mesh::TriangleMesh& mesh) {
-  constexpr std::size_t kSampledTriangles = 1024;
-  const std::size_t count = mesh.triangle_count();
-  const std::size_t stride = std::max<std::size_t>(1, count / kSampledTriangles);
-  double sum = 0.0;
-  std::size_t sampled = 0;
-  for (std::size_t i = 0; i < count; i += stride, ++sampled)
-    sum += to_double(mesh.triangle_bounds(std::uint32_t(i))).half_area();
-  return sampled > 0 ? sum * (double(count) / double(sampled)) : 0.0;
 }
 
 Error out_of_memory() {
@@ -328,8 +316,8 @@ Status Blas::prefer_kd_tree(const std::stop_token& stop) {
 void Blas::add_structure_stats() {
   std::visit([&](const auto& structure) { structure->add_stats(stats_); }, structure_);
   if (stats_.kind == StructureKind::kBruteForce) return;  // cannot become worse
-  const double triangles = half_area_of_triangles(*mesh_);
-  stats_.looseness = triangles > 0.0 ? stats_.cost * to_double(bounds_).half_area() / triangles : 0.0;
+  const double boxes = triangle_boxes_per_ray(*mesh_, bounds_);
+  stats_.looseness = boxes > 0.0 ? stats_.cost / boxes : 0.0;
 }
 
 }  // namespace gridcast::blas

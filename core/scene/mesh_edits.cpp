@@ -5,6 +5,10 @@
 #include <optional>
 #include <utility>
 
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include "core/blas/triangle_boxes.h"
 #include "core/mesh/topology.h"
 #include "core/scene/tree_watch.h"
 
@@ -67,12 +71,11 @@ struct Action {
 using blas::MeshMotion;
 
 Result<Action> rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
-                       MeshMotion motion, blas::BuildQuality quality, std::string reason) {
-  // What moved once will move again: a tree without shared triangles stays good longer.
+                       MeshMotion motion, const TreeForm& form, std::string reason) {
   blas::BuildOptions options = old.options();
-  options.spatial = blas::SpatialSplits::kNever;
+  options.spatial = form.spatial;
   options.motion = motion;
-  options.quality = quality;
+  options.quality = form.quality;
   auto built = blas::Blas::build(std::move(moved), options);
   if (!built) return built.error();
   return Action{*std::move(built), MeshAction::kRebuild, std::move(reason)};
@@ -85,14 +88,15 @@ MeshMotion motion_when_asked(const blas::Blas& old) {
   return old.options().kind == blas::StructureKind::kKdTree ? MeshMotion::kStatic : MeshMotion::kDeforms;
 }
 
-/// A structure that cannot be refitted gives way to one that follows the vertices from now on. In Morton
-/// order where a better one comes later.
+/// A structure that cannot be refitted gives way to one that follows the vertices from now on. In the quick
+/// form where a better one comes later.
 Result<Action> replace_kind(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
                             const TreeTerms& terms) {
-  const bool fast =
-      terms.place == RebuildPlace::kInBackground && moved->triangle_count() > kFastRebuildTriangles;
-  auto action = rebuild(old, std::move(moved), MeshMotion::kDeforms,
-                        fast ? blas::BuildQuality::kFast : terms.asked, "");
+  const double boxes = blas::triangle_boxes_per_ray(*moved, moved->bounds());
+  const TreeForm form = terms.place == RebuildPlace::kInBackground
+                            ? quick_form(boxes, moved->triangle_count(), terms.asked)
+                            : best_form(boxes, terms.asked);
+  auto action = rebuild(old, std::move(moved), MeshMotion::kDeforms, form, "");
   if (!action) return action;
   const auto before = old.stats().kind, now = action->blas.stats().kind;
   action->reason = "A " + std::string(to_string(before)) + " structure cannot be refitted" +
@@ -117,8 +121,10 @@ std::optional<Action> repaired(const blas::Blas& refitted, const TreeTerms& term
 /// The decision of UpdateMode: refit, or rebuild with a reason. `vertices` may differ; none = any.
 Result<Action> refit_or_rebuild(const blas::Blas& old, std::shared_ptr<const mesh::TriangleMesh> moved,
                                 const Vertices& vertices, UpdateMode mode, const TreeTerms& terms) {
-  if (mode == UpdateMode::kRebuild)
-    return rebuild(old, std::move(moved), motion_when_asked(old), terms.asked, "A rebuild was asked for.");
+  if (mode == UpdateMode::kRebuild) {
+    const TreeForm form = best_form(blas::triangle_boxes_per_ray(*moved, moved->bounds()), terms.asked);
+    return rebuild(old, std::move(moved), motion_when_asked(old), form, "A rebuild was asked for.");
+  }
   if (!old.can_refit()) {
     if (mode == UpdateMode::kRefit && old.options().kind != blas::StructureKind::kAuto)
       return Error{ErrorCode::kUnsupported,
@@ -184,27 +190,38 @@ Status MeshEdits::pose(std::uint32_t mesh_id, mesh::DeformedVertices vertices, U
 }
 
 Status MeshEdits::apply(SceneEditor& editor) {
-  for (auto& [mesh_id, pending] : pending_) {
-    const Clock::time_point start = Clock::now();
-    const blas::Blas old = editor.scene().blas(mesh_id);
-    const TreeTerms terms{old.options().quality, editor.scene().blas_options().quality, rebuilds_};
-    auto action = refit_or_rebuild(
-        old, moved_mesh(old.mesh(), std::move(pending.positions), std::move(pending.normals)),
-        pending.vertices, pending.mode, terms);
-    if (!action) {
-      const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
-      return Error{action.error().code, action.error().message, edit + "/mode"};
-    }
-    // Whoever asked for a refit and got one wants the tree of this shape.
-    const bool is_kept = pending.mode == UpdateMode::kRefit && action->kind == MeshAction::kRefit;
-    const bool wants =
-        rebuilds_ == RebuildPlace::kInBackground && !is_kept && wants_better_tree(action->blas, terms.asked);
-    if (wants) action->reason += " A better tree is being built.";
-    pending.report = {
-        mesh_id, action->kind, action->reason, wants, old.stats().cost, action->blas.stats().cost, 0.0};
-    editor.set_mesh(mesh_id, std::move(action->blas));
-    pending.report.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  std::vector<std::pair<const std::uint32_t, Pending>*> meshes;
+  meshes.reserve(pending_.size());
+  for (auto& mesh : pending_) meshes.push_back(&mesh);
+  std::vector<Status> outcomes(meshes.size(), ok_status());
+  tbb::parallel_for(std::size_t(0), meshes.size(), [&](std::size_t i) {
+    // Isolated: who waits for loops of this mesh begins no other, or the other's time was told as this one's.
+    tbb::this_task_arena::isolate([&] { outcomes[i] = apply(editor, meshes[i]->first, meshes[i]->second); });
+  });
+  const auto failed = std::ranges::find_if(outcomes, [](const Status& status) { return !status.ok(); });
+  return failed == outcomes.end() ? ok_status() : *failed;
+}
+
+Status MeshEdits::apply(SceneEditor& editor, std::uint32_t mesh_id, Pending& pending) const {
+  const Clock::time_point start = Clock::now();
+  const blas::Blas old = editor.scene().blas(mesh_id);
+  const TreeTerms terms{old.options().quality, editor.scene().blas_options().quality, rebuilds_};
+  auto action =
+      refit_or_rebuild(old, moved_mesh(old.mesh(), std::move(pending.positions), std::move(pending.normals)),
+                       pending.vertices, pending.mode, terms);
+  if (!action) {
+    const std::string edit = "/edits/" + std::to_string(pending.last_refit_edit);
+    return Error{action.error().code, action.error().message, edit + "/mode"};
   }
+  // Whoever asked for a refit and got one wants the tree of this shape.
+  const bool is_kept = pending.mode == UpdateMode::kRefit && action->kind == MeshAction::kRefit;
+  const bool wants =
+      rebuilds_ == RebuildPlace::kInBackground && !is_kept && wants_better_tree(action->blas, terms.asked);
+  if (wants) action->reason += " A better tree is being built.";
+  pending.report = {
+      mesh_id, action->kind, action->reason, wants, old.stats().cost, action->blas.stats().cost, 0.0};
+  editor.set_mesh(mesh_id, std::move(action->blas));
+  pending.report.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   return ok_status();
 }
 

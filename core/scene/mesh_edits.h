@@ -25,7 +25,9 @@ class MeshEdits {
   [[nodiscard]] Status pose(std::uint32_t mesh_id, mesh::DeformedVertices vertices, UpdateMode mode,
                             std::size_t edit_index);
 
-  /// Refits or rebuilds every edited mesh in `editor`. Errors carry the whole pointer (`/edits/2/mode`).
+  /// Refits or rebuilds every edited mesh in `editor`, in parallel: many small meshes share the threads, and
+  /// so do the triangles of a large one. Errors carry the whole pointer (`/edits/2/mode`); of several the one
+  /// of the smallest mesh id.
   [[nodiscard]] Status apply(SceneEditor& editor);
 
   /// In the order of the edits; after apply().
@@ -49,8 +51,10 @@ class MeshEdits {
     MeshUpdateReport report;
   };
 
+  Status apply(SceneEditor& editor, std::uint32_t mesh_id, Pending& pending) const;
+
   RebuildPlace rebuilds_;
-  std::map<std::uint32_t, Pending> pending_;  // by mesh_id: applied in that order
+  std::map<std::uint32_t, Pending> pending_;  // by mesh_id
   std::vector<std::uint32_t> mesh_of_edit_;
 };
 

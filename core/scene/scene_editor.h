@@ -35,7 +35,8 @@ class SceneEditor {
     scene_->hulls_.emplace_back(blas.mesh(), blas.bounds());
     scene_->blas_.push_back(std::move(blas));
   }
-  /// Same triangle count as before. The caller updates the boxes of the mesh's instances (update_top_level).
+  /// Same triangle count as before. Different meshes may be set from different threads. The caller updates
+  /// the boxes of the mesh's instances (update_top_level).
   void set_mesh(std::uint32_t mesh_id, blas::Blas blas) {
     scene_->hulls_[mesh_id] = MeshHull(blas.mesh(), blas.bounds());
     scene_->blas_[mesh_id] = std::move(blas);

@@ -22,8 +22,9 @@ std::optional<TreeOrder> better_tree(const Scene& scene, std::uint32_t mesh_id) 
   const blas::BuildQuality asked = scene.blas_options().quality;
   if (!wants_better_tree(present, asked)) return std::nullopt;
   TreeOrder order{present.mesh_ptr(), present.options()};
-  order.options.quality = asked;
-  order.options.spatial = blas::SpatialSplits::kNever;
+  const TreeForm form = best_form(boxes_per_ray(present.stats()), asked);
+  order.options.quality = form.quality;
+  order.options.spatial = form.spatial;
   order.options.motion = blas::MeshMotion::kDeforms;
   return order;
 }

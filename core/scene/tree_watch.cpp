@@ -7,6 +7,7 @@ namespace gridcast::scene {
 namespace {
 
 using blas::BuildQuality;
+using blas::SpatialSplits;
 using blas::StructureKind;
 
 std::string rounded(double value) {
@@ -34,7 +35,45 @@ bool has_morton_order(StructureKind kind) {
   return kind == StructureKind::kBvh || kind == StructureKind::kWideBvh;
 }
 
+/// Whether an update, or the background after it, built the tree with shared triangles, and there are any.
+bool shares_after_update(const blas::Blas& tree) {
+  return tree.options().motion == blas::MeshMotion::kDeforms &&
+         tree.options().spatial == SpatialSplits::kAuto &&
+         tree.stats().reference_count > tree.stats().triangle_count;
+}
+
+/// What there is to say of the form of a tree, as further sentences.
+std::string about(const TreeForm& form, double boxes, std::size_t triangles) {
+  const std::string met = "a random ray meets the boxes of " + rounded(boxes) + " triangles";
+  if (form.spatial == SpatialSplits::kAuto) return " Leaves share triangles: " + met + ".";
+  if (form.quality != BuildQuality::kFast || triangles <= kFastRebuildTriangles) return {};
+  const auto more_than = [](std::size_t limit) {
+    return " In Morton order: more than " + std::to_string(limit) + " triangles";
+  };
+  if (boxes > kCrowdedBoxes && triangles > kSharedRebuildTriangles)
+    return more_than(kSharedRebuildTriangles) +
+           ", too many to be shared between leaves in an update, though " + met + ".";
+  return more_than(kFastRebuildTriangles) + ".";
+}
+
 }  // namespace
+
+TreeForm best_form(double boxes_per_ray, BuildQuality asked) {
+  const bool shares = asked == BuildQuality::kDefault && boxes_per_ray > kCrowdedBoxes;
+  return {asked, shares ? SpatialSplits::kAuto : SpatialSplits::kNever};
+}
+
+TreeForm quick_form(double boxes_per_ray, std::size_t triangles, BuildQuality asked) {
+  const TreeForm best = best_form(boxes_per_ray, asked);
+  const bool shares = best.spatial == SpatialSplits::kAuto;
+  const bool has_time = triangles <= (shares ? kSharedRebuildTriangles : kFastRebuildTriangles);
+  return has_time ? best : TreeForm{BuildQuality::kFast, SpatialSplits::kNever};
+}
+
+double boxes_per_ray(const blas::StructureStats& stats) {
+  const bool known = stats.kind == StructureKind::kWideBvh && stats.looseness > 0.0;
+  return known ? stats.cost / stats.looseness : 0.0;
+}
 
 double worsening(const blas::StructureStats& refitted) {
   return std::max(ratio(refitted.cost, refitted.cost_at_build),
@@ -48,15 +87,13 @@ TreeVerdict judge_refit(const blas::StructureStats& refitted, const TreeTerms& t
   const std::string costs = "the refitted tree's cost " + rounded(cost);
   if (!(worsening(refitted) > allowed))
     return {std::nullopt, "Refitted: " + costs + " is within " + limits + "."};
-  const bool fast = is_large(refitted);
-  const std::string order =
-      fast ? " In Morton order: more than " + std::to_string(kFastRebuildTriangles) + " triangles."
-           : std::string();
   const std::string why = cost > limit ? costs + " exceeds " + limits + "."
                                        : "its boxes fit the triangles " +
                                              rounded(ratio(refitted.looseness, refitted.looseness_at_build)) +
                                              " times more loosely than at build.";
-  return {fast ? BuildQuality::kFast : terms.asked, "Rebuilt because " + why + order};
+  const double boxes = boxes_per_ray(refitted);
+  const TreeForm form = quick_form(boxes, refitted.triangle_count, terms.asked);
+  return {form, "Rebuilt because " + why + about(form, boxes, refitted.triangle_count)};
 }
 
 bool wants_better_tree(const blas::Blas& tree, BuildQuality asked) {
@@ -70,6 +107,8 @@ std::string reason_of(const blas::Blas& tree, BuildQuality asked) {
   std::string reason = tree.stats().reason;
   if (has_morton_order(tree.stats().kind) && tree.options().quality == BuildQuality::kFast)
     reason += "; in Morton order, because its vertices moved";
+  if (shares_after_update(tree))
+    reason += "; with triangles shared between leaves, because their boxes overlap";
   if (wants_better_tree(tree, asked)) reason += "; a better tree is wanted";
   return reason;
 }

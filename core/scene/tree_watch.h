@@ -25,6 +25,29 @@ inline constexpr std::size_t kFastRebuildTriangles = std::size_t(1) << 14;
 /// is judged by the good tree's cost, not by its own: else a refit of it would be allowed both factors.
 inline constexpr double kMortonCostRatio = 1.2;
 
+/// Where a random ray meets more boxes of triangles than this, leaves share triangles: boxes overlap whatever
+/// the tree, and one that cuts triangles at planes costs four fifths of one that does not, two thirds of a
+/// Morton tree (tests/bench has figures). A mesh at rest is met in tens, one whose vertices are thrown about
+/// in thousands.
+inline constexpr double kCrowdedBoxes = 4096.0;
+/// Larger meshes get such a tree from the background alone: it takes four times as long as one in Morton
+/// order, some 3 us of processor time a triangle.
+inline constexpr std::size_t kSharedRebuildTriangles = std::size_t(1) << 20;
+
+/// How a tree is built anew.
+struct TreeForm {
+  blas::BuildQuality quality = blas::BuildQuality::kDefault;
+  blas::SpatialSplits spatial = blas::SpatialSplits::kNever;
+  friend bool operator==(const TreeForm&, const TreeForm&) = default;
+};
+
+/// The best form for a mesh that moves, of which a random ray meets so many boxes of triangles: what a build
+/// in the background makes, or one that was asked for. What moved will move again, and a tree without shared
+/// triangles stays good longer, so leaves share them only where that gains most.
+[[nodiscard]] TreeForm best_form(double boxes_per_ray, blas::BuildQuality asked);
+/// The form that an update has time for.
+[[nodiscard]] TreeForm quick_form(double boxes_per_ray, std::size_t triangles, blas::BuildQuality asked);
+
 /// How a tree was built, how good its scene was asked to be, and who can build a better one.
 struct TreeTerms {
   blas::BuildQuality built = blas::BuildQuality::kDefault;
@@ -33,8 +56,8 @@ struct TreeTerms {
 };
 
 struct TreeVerdict {
-  std::optional<blas::BuildQuality> rebuild_as;  ///< none: keep the refitted tree
-  std::string reason;                            ///< a sentence
+  std::optional<TreeForm> rebuild_as;  ///< none: keep the refitted tree
+  std::string reason;                  ///< a sentence
 };
 
 /// How many times worse a tree is than when it was built: the larger of two ratios. The cost of a ray through
@@ -42,6 +65,10 @@ struct TreeVerdict {
 /// triangles, finds trees built for large triangles that have shrunk since: a shuffled mesh that is put in
 /// order again costs no more than at build, but hundreds of times what a new tree would.
 [[nodiscard]] double worsening(const blas::StructureStats& refitted);
+
+/// What triangle_boxes_per_ray told of a wide BVH's mesh when it was measured; 0 of other kinds, whose leaves
+/// share nothing, and where it is not known.
+[[nodiscard]] double boxes_per_ray(const blas::StructureStats& stats);
 
 [[nodiscard]] TreeVerdict judge_refit(const blas::StructureStats& refitted, const TreeTerms& terms);
 

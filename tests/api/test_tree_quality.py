@@ -22,7 +22,13 @@ def grid(cells):
 
 
 def shuffled(positions, seed):
+    """Triangles as large as the mesh."""
     return np.random.default_rng(seed).permutation(positions)
+
+
+def scattered(positions, seed):
+    """So far from where they were that the tree is of no use, and triangles still much smaller than the mesh."""
+    return (positions + np.random.default_rng(seed).uniform(-0.1, 0.1, positions.shape)).astype("<f4")
 
 
 def builds(client, outcome):
@@ -38,10 +44,10 @@ def until(condition, what):
     raise AssertionError(f"{what} did not come")
 
 
-def test_a_shuffled_mesh_gets_its_better_tree_without_a_new_version(client, load):
+def test_a_scattered_mesh_gets_its_better_tree_without_a_new_version(client, load):
     positions, faces = grid(110)
     scene = load(models.glb([(positions, faces)], [{"mesh": 0}]))
-    mess = shuffled(positions, 7)
+    mess = scattered(positions, 7)
     before = builds(client, "replaced")
     reply = scene.patch("/meshes/0/vertices", mess.tobytes(), WHOLE)
     report = reply.json()
@@ -65,6 +71,25 @@ def test_a_shuffled_mesh_gets_its_better_tree_without_a_new_version(client, load
     anew = load(models.glb([(mess, faces)], [{"mesh": 0}])).cast(rays).columns()
     for name, column in scene.cast(rays).columns().items():
         assert column.tobytes() == anew[name].tobytes(), name
+
+
+def test_a_shuffled_mesh_gets_the_tree_of_a_new_scene_at_once(load):
+    positions, faces = grid(110)
+    scene = load(models.glb([(positions, faces)], [{"mesh": 0}]))
+    mess = shuffled(positions, 7)
+    report = scene.patch("/meshes/0/vertices", mess.tobytes(), WHOLE).json()
+    assert report["action"] == "rebuild" and "Leaves share triangles: a random ray meets" in report["reason"], report
+    assert "better" not in report["reason"]
+    tree = scene.get("/structure").json()["meshes"][0]
+    assert tree["reason"].endswith("with triangles shared between leaves, because their boxes overlap"), tree
+    assert (tree["quality"], tree["quality_reason"]) == ("default", "asked for")
+    assert tree["reference_count"] > tree["triangle_count"]
+    fresh = load(models.glb([(mess, faces)], [{"mesh": 0}]), structure="wide_bvh")
+    anew = fresh.get("/structure").json()["meshes"][0]
+    assert [tree[key] for key in ("cost", "node_count")] == [anew[key] for key in ("cost", "node_count")]
+    rays = models.random_rays(500, seed=6)
+    for name, column in scene.cast(rays).columns().items():
+        assert column.tobytes() == fresh.cast(rays).columns()[name].tobytes(), name
 
 
 def test_a_twisted_mesh_is_refitted_and_says_that_a_better_tree_is_on_its_way(load):
@@ -99,7 +124,7 @@ def test_sigterm_ends_a_server_that_builds_a_tree():
         model = models.glb([(positions, faces)], [{"mesh": 0}])
         made = server.client.post("/v1/scenes?name=large", model, "model/gltf-binary")
         assert made.status == 201, made
-        reply = server.client.patch("/v1/scenes/large/meshes/0/vertices", shuffled(positions, 3).tobytes(), WHOLE)
+        reply = server.client.patch("/v1/scenes/large/meshes/0/vertices", scattered(positions, 3).tobytes(), WHOLE)
         assert "A better tree is being built." in reply.json()["reason"]
         waiting = re.search(r"^gridcast_tree_builds_waiting (\S+)$", server.client.get("/metrics").body.decode(), re.M)
         assert float(waiting.group(1)) == 1

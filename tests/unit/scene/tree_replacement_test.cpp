@@ -51,12 +51,23 @@ Positions exploded(Positions positions, double far, std::uint64_t seed) {
   return positions;
 }
 
+/// Vertices so far from where they were that the tree is of no use, and so near that boxes do not crowd.
+Positions scattered(Positions positions) {
+  return exploded(std::move(positions), 0.3, 3);
+}
+
 UpdateResult moved(const Scene& scene, Positions positions, UpdateMode mode = UpdateMode::kAuto,
                    const UpdateOptions& options = kServed) {
   return apply_update(scene, {ReplaceVertices{0, std::move(positions), {}, mode}}, options).value();
 }
 const Positions& positions_of(const Scene& scene) {
   return scene.blas(0).mesh().positions;
+}
+/// The wide BVH of a scene that begins with these vertices.
+blas::Blas fresh_tree(const Scene& scene) {
+  blas::BuildOptions options = scene.blas_options();
+  options.kind = StructureKind::kWideBvh;
+  return blas::Blas::build(scene.blas(0).mesh_ptr(), options).value();
 }
 blas::Blas tree_of(const TreeOrder& order) {
   return blas::Blas::build(order.mesh, order.options).value();
@@ -111,9 +122,10 @@ TEST(TreeReplacement, a_worse_tree_serves_while_a_better_one_is_ordered) {
 
 TEST(TreeReplacement, a_useless_tree_is_rebuilt_in_the_update_and_a_better_one_ordered) {
   const auto scene = large_scene();
-  const auto mess = moved(*scene, shuffled(positions_of(*scene), 3));
+  const auto mess = moved(*scene, scattered(positions_of(*scene)));
   EXPECT_EQ(mess.report.meshes[0].action, MeshAction::kRebuild);
   EXPECT_EQ(mess.scene->blas(0).options().quality, BuildQuality::kFast);
+  EXPECT_NE(reason_of(mess.scene->blas(0), BuildQuality::kDefault).find("Morton"), std::string::npos);
   const auto order = better_tree(*mess.scene, 0);
   ASSERT_TRUE(order);
   EXPECT_EQ(order->options.quality, BuildQuality::kDefault);
@@ -130,9 +142,67 @@ TEST(TreeReplacement, a_useless_tree_is_rebuilt_in_the_update_and_a_better_one_o
   EXPECT_TRUE(delta.meshes.empty() && delta.instances.empty() && !delta.pose) << "nothing to be stored";
 }
 
+/// Where boxes crowd, the update makes the tree that a scene with these vertices begins with.
+TEST(TreeReplacement, a_crowded_mesh_gets_its_final_tree_in_the_update) {
+  const auto scene = large_scene();
+  for (const UpdateOptions& options : {kServed, UpdateOptions{}}) {
+    const auto mess = moved(*scene, shuffled(positions_of(*scene), 3), UpdateMode::kAuto, options);
+    EXPECT_EQ(mess.report.meshes[0].action, MeshAction::kRebuild);
+    EXPECT_NE(mess.report.meshes[0].reason.find("Leaves share triangles"), std::string::npos)
+        << mess.report.meshes[0].reason;
+    EXPECT_TRUE(wanted_trees(mess.report).empty());
+    EXPECT_FALSE(better_tree(*mess.scene, 0));
+    const blas::Blas& tree = mess.scene->blas(0);
+    EXPECT_GT(tree.stats().reference_count, tree.stats().triangle_count);
+    EXPECT_EQ(tree.stats().cost, fresh_tree(*mess.scene).stats().cost);
+    const std::string reason = reason_of(tree, BuildQuality::kDefault);
+    EXPECT_NE(reason.find("shared between leaves"), std::string::npos) << reason;
+    EXPECT_TRUE(mess.scene->validate().ok());
+    expect_same_answers(*mess.scene, *built(flattened(*mess.scene)), 200, 8);
+  }
+  // As a tree that was asked for, however many boxes a ray meets.
+  const auto asked = moved(*scene, shuffled(positions_of(*scene), 3), UpdateMode::kRebuild);
+  EXPECT_EQ(asked.scene->blas(0).stats().cost, fresh_tree(*asked.scene).stats().cost);
+  EXPECT_EQ(fresh_tree(*scene).stats().reference_count, scene->blas(0).stats().triangle_count);
+  EXPECT_EQ(reason_of(scene->blas(0), BuildQuality::kDefault).find("shared"), std::string::npos);
+}
+
+/// A refit gives every leaf of a shared triangle the box of the whole: the watch sees what that costs. A mesh
+/// that rests has the tree that a scene with these vertices begins with, or one that is little worse.
+TEST(TreeReplacement, trees_with_shared_triangles_are_replaced_when_their_boxes_have_grown) {
+  auto scene = scene_of(6);
+  const Positions start = positions_of(*scene);
+  const Positions mess = shuffled(start, 3);
+  scene = moved(*scene, mess).scene;
+  const double shared_cost = scene->blas(0).stats().cost;
+  Positions nudged = mess;
+  for (Vec3f& p : nudged) p.x *= 1.001F;
+  const auto refitted = moved(*scene, nudged, UpdateMode::kRefit).scene;
+  EXPECT_GT(refitted->blas(0).stats().cost, 1.1 * shared_cost) << "boxes of whole triangles";
+  EXPECT_GT(worsening(refitted->blas(0).stats()), 1.1);
+
+  const auto settle = [&scene](const Positions& positions, double allowed) {
+    scene = moved(*scene, positions).scene;
+    if (const auto order = better_tree(*scene, 0))
+      if (auto better = replaced(*scene, tree_of(*order))) scene = std::move(better);
+    EXPECT_FALSE(better_tree(*scene, 0));
+    EXPECT_TRUE(scene->validate().ok());
+    EXPECT_LE(scene->blas(0).stats().cost, allowed * fresh_tree(*scene).stats().cost);
+    return scene->blas(0).options().spatial;
+  };
+  EXPECT_EQ(settle(nudged, kOrderCostRatio), blas::SpatialSplits::kAuto);
+  // Half of the way back: large triangles in other places.
+  Positions between = mess;
+  for (std::size_t i = 0; i < between.size(); ++i) between[i] = 0.5F * (mess[i] + start[i]);
+  EXPECT_EQ(settle(between, kOrderCostRatio), blas::SpatialSplits::kAuto);
+  EXPECT_EQ(settle(start, 1.01), blas::SpatialSplits::kNever);
+  EXPECT_EQ(settle(scattered(start), 1.01), blas::SpatialSplits::kNever);
+  EXPECT_EQ(settle(mess, 1.001), blas::SpatialSplits::kAuto);
+}
+
 TEST(TreeReplacement, a_tree_is_refitted_to_the_vertices_that_are_there_when_it_comes) {
   const auto scene = large_scene();
-  const auto mess = moved(*scene, shuffled(positions_of(*scene), 3)).scene;
+  const auto mess = moved(*scene, scattered(positions_of(*scene))).scene;
   const blas::Blas tree = tree_of(*better_tree(*mess, 0));
   Positions wider = positions_of(*mess);
   for (Vec3f& p : wider) p = Vec3f(1.5F * p.x, p.y, 0.5F * p.z);
@@ -148,7 +218,7 @@ TEST(TreeReplacement, a_tree_is_refitted_to_the_vertices_that_are_there_when_it_
 
 TEST(TreeReplacement, a_tree_that_came_too_late_is_refused) {
   const auto scene = large_scene();
-  const auto mess = moved(*scene, shuffled(positions_of(*scene), 3)).scene;
+  const auto mess = moved(*scene, scattered(positions_of(*scene))).scene;
   const blas::Blas tree = tree_of(*better_tree(*mess, 0));
   const auto in_order = moved(*mess, positions_of(*scene)).scene;
   EXPECT_EQ(refusal(*in_order, 0, tree), TreeRefusal::kNotBetter);
