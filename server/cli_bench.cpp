@@ -9,6 +9,7 @@
 #include "core/measure/embree_yardstick.h"
 #include "core/scene/flatten.h"
 #include "server/bench_crowd.h"
+#include "server/bench_load.h"
 #include "server/bench_serve.h"
 #include "server/cli_bench_json.h"
 #include "server/cli_bench_options.h"
@@ -85,7 +86,8 @@ class BenchCommand final : public Command {
         {"refit", has_own_mesh ? measure::bench_refits : nullptr},
         {"instances", measure::bench_instances},
         {"deform", has_own_mesh && request_.deforms(scene.name) ? measure::bench_deformations : nullptr},
-        {"serve", bench_serve}};
+        {"serve", bench_serve},
+        {"load", request_.loads(scene.name) ? bench_load : nullptr}};
     for (const auto& [name, section] : sections) {
       if (section == nullptr || !request_.wants(name)) continue;
       if (const int code = run_section(name, section, scene); code != kExitDone) return code;

@@ -134,6 +134,61 @@ Json row_of(const measure::CrowdRow& row) {
           {"rebuilds_per_update", row.rebuilds_per_update}};
 }
 
+Json row_of(const measure::JsonBatchRow& row) {
+  return {{"scene", row.scene},
+          {"set", row.set},
+          {"threads", row.threads},
+          {"rays", row.rays},
+          {"mrays_per_s", row.mrays_per_s},
+          {"mrays_per_core_s", row.mrays_per_core_s},
+          {"spread", row.spread},
+          {"parse_share", row.parse_share},
+          {"wait_share", row.wait_share},
+          {"trace_share", row.trace_share},
+          {"encode_share", row.encode_share}};
+}
+Json row_of(const measure::LatencyRow& row) {
+  return {{"scene", row.scene},
+          {"what", row.what},
+          {"beside", row.beside},
+          {"threads", row.threads},
+          {"requests", row.requests},
+          {"failed", row.failed},
+          {"p50_ms", row.p50_ms},
+          {"p99_ms", row.p99_ms},
+          {"vs_base_p50", row.vs_base_p50},
+          {"vs_base_p99", row.vs_base_p99},
+          {"spread", row.spread}};
+}
+Json row_of(const measure::LoadRow& row) {
+  return {{"scene", row.scene},
+          {"phase", row.phase},
+          {"threads", row.threads},
+          {"rays", row.rays},
+          {"repeat", row.repeat},
+          {"phase_s", row.phase_s},
+          {"offered_per_s", row.offered_per_s},
+          {"goodput_per_s", row.goodput_per_s},
+          {"vs_peak", row.vs_peak},
+          {"spread", row.spread},
+          {"accepted_p50_ms", row.accepted_p50_ms},
+          {"accepted_p99_ms", row.accepted_p99_ms},
+          {"vs_steady_p99", row.vs_steady_p99},
+          {"refused_per_s", row.refused_per_s},
+          {"refused_p50_ms", row.refused_p50_ms},
+          {"refused_p99_ms", row.refused_p99_ms},
+          {"failed", row.failed},
+          {"not_sent", row.not_sent},
+          {"late_p99_ms", row.late_p99_ms},
+          {"clients_share", row.clients_share},
+          {"recovery_s", row.recovery_s}};
+}
+Json row_of(const measure::GoneRow& row) {
+  return {{"scene", row.scene},      {"threads", row.threads},     {"rays", row.rays},
+          {"trials", row.trials},    {"median_ms", row.median_ms}, {"p99_ms", row.p99_ms},
+          {"worst_ms", row.worst_ms}};
+}
+
 template <class Row>
 Json rows_of(const std::vector<Row>& rows) {
   Json array = Json::array();
@@ -157,6 +212,10 @@ std::string bench_json(const measure::Report& report, const measure::BenchOption
       {"deform_summary", rows_of(report.deform_summary)},
       {"serve", rows_of(report.serve)},
       {"crowd", rows_of(report.crowd)},
+      {"json_batches", rows_of(report.json_batches)},
+      {"latency", rows_of(report.latency)},
+      {"load", rows_of(report.load)},
+      {"gone", rows_of(report.gone)},
       {"checks", rows_of(report.checks)}};
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }

@@ -19,7 +19,8 @@ difference ends in exit code 1. Builds and refits are in milliseconds (ms) and m
 updates of instances in nanoseconds (ns) an instance moved, memory in bytes a triangle or an instance.
 deform moves the vertices of S1 and S2, or of the scenes that are named, and compares the time of a query
 with that of a fresh tree: 1.5 means half slower. crowd poses skinned figures 30 times a second while two clients
-cast rays over HTTP, and compares with the same scene standing still.
+cast rays over HTTP, and compares with the same scene standing still. load puts a server (S1, or the scenes that are
+named) under more requests than it can answer, clients that send slowly and clients that go away.
 
 Scenes: S1 to S6 are single meshes, I1 to I3 instances, W1 to W4 worst cases, H1
 is made for accuracy; S, I, W and all name groups.
@@ -40,6 +41,8 @@ constexpr double kQuickSize = 0.02;
 
 /// What `deform` takes by itself.
 constexpr std::array<std::string_view, 2> kDeformScenes{"S1", "S2"};
+/// What `load` takes.
+constexpr std::string_view kLoadScene = "S1";
 
 std::vector<std::string> set_names() {
   std::vector<std::string> names;
@@ -72,11 +75,12 @@ void add_what(CLI::App& app, BenchRequest& request) {
          "embree; without it wide_bvh, bvh, kd_tree")
       ->delimiter(',')
       ->check(CLI::IsMember({"auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"}));
-  app.add_option(
-         "--section", request.sections,
-         "What to measure, with commas: rays, build, refit, instances, deform, serve, crowd; without it all")
+  app.add_option("--section", request.sections,
+                 "What to measure, with commas: rays, build, refit, instances, deform, serve, crowd, load; "
+                 "without it "
+                 "all")
       ->delimiter(',')
-      ->check(CLI::IsMember({"rays", "build", "refit", "instances", "deform", "serve", "crowd"}));
+      ->check(CLI::IsMember({"rays", "build", "refit", "instances", "deform", "serve", "crowd", "load"}));
   app.add_option("--precision", request.precisions, "fast, robust, exact; without it the first two")
       ->delimiter(',')
       ->check(CLI::IsMember({"fast", "robust", "exact"}));
@@ -96,7 +100,7 @@ void add_how(CLI::App& app, BenchRequest& request) {
   app.add_option("--frames", request.frames, "Frames of every deformation; without it 24")
       ->check(CLI::Range(1, 10'000));
   app.add_option("--phase", request.phase_s,
-                 "Seconds (s) that the crowd moves, or stands, at a time; without it 2")
+                 "Seconds (s) that the crowd moves, or stands, or a load lasts, at a time; without it 2")
       ->check(CLI::Range(0.001, 3600.0));
   app.add_option("--size", request.size,
                  "Share of each generated scene's triangles or instances; without it 1")
@@ -116,7 +120,8 @@ void add_bench_options(CLI::App& app, BenchRequest& request) {
 
 std::vector<std::string> BenchRequest::scene_names() const {
   std::vector<std::string> words = scenes;
-  if (words.empty() && !wants_more_than({"deform", "crowd"}))
+  if (words.empty() && !wants_more_than({"crowd", "load"})) words = {std::string(kLoadScene)};
+  if (words.empty() && !wants_more_than({"deform", "crowd", "load"}))
     words.assign(kDeformScenes.begin(), kDeformScenes.end());
   if (words.empty()) words = {"S", "I"};
   std::vector<std::string> names;
@@ -147,6 +152,10 @@ bool BenchRequest::wants_more_than(const std::vector<std::string>& known) const 
 bool BenchRequest::deforms(const std::string& scene) const {
   const bool chosen = !scenes.empty() || !file.empty();
   return chosen || std::find(kDeformScenes.begin(), kDeformScenes.end(), scene) != kDeformScenes.end();
+}
+
+bool BenchRequest::loads(const std::string& scene) const {
+  return !file.empty() || !scenes.empty() || scene == kLoadScene;
 }
 
 double BenchRequest::scene_size() const {

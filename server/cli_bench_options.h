@@ -34,6 +34,8 @@ struct BenchRequest {
   [[nodiscard]] bool wants(const std::string& section) const;
   /// Whether `deform` takes this scene: any that was asked for, else those it takes by itself.
   [[nodiscard]] bool deforms(const std::string& scene) const;
+  /// Whether `load` takes this scene: any that was asked for, else S1.
+  [[nodiscard]] bool loads(const std::string& scene) const;
   /// Whether any other section is wanted.
   [[nodiscard]] bool wants_more_than(const std::vector<std::string>& known) const;
   [[nodiscard]] measure::BenchOptions options(std::stop_token stop) const;

@@ -122,6 +122,62 @@ void print_crowds(const measure::Report& report, std::size_t from) {
   }
 }
 
+void print_json_batches(const measure::Report& report, std::size_t from) {
+  if (report.json_batches.size() == from) return;
+  std::printf("\n%-6s %-17s %4s %10s %9s %11s %7s %7s %7s %7s %7s\n", "scene", "JSON", "thr.", "rays",
+              "Mrays/s", "by CPU", "spread", "parse", "wait", "trace", "encode");
+  for (std::size_t i = from; i < report.json_batches.size(); ++i) {
+    const measure::JsonBatchRow& row = report.json_batches[i];
+    std::printf("%-6s %-17s %4zu %10s %9.3f %11.3f %5.1f %% %5.1f %% %5.1f %% %5.1f %% %5.1f %%\n",
+                row.scene.c_str(), row.set.c_str(), row.threads, grouped(row.rays).c_str(), row.mrays_per_s,
+                row.mrays_per_core_s, 100.0 * row.spread, 100.0 * row.parse_share, 100.0 * row.wait_share,
+                100.0 * row.trace_share, 100.0 * row.encode_share);
+  }
+}
+
+void print_latencies(const measure::Report& report, std::size_t from) {
+  if (report.latency.size() == from) return;
+  std::printf("\n%-6s %-19s %-13s %4s %9s %7s %9s %9s %8s %8s %7s\n", "scene", "request", "beside", "thr.",
+              "requests", "failed", "p50 ms", "p99 ms", "x p50", "x p99", "spread");
+  for (std::size_t i = from; i < report.latency.size(); ++i) {
+    const measure::LatencyRow& row = report.latency[i];
+    std::printf("%-6s %-19s %-13s %4zu %9s %7s %9.3f %9.3f %8s %8s %5.1f %%\n", row.scene.c_str(),
+                row.what.c_str(), row.beside.c_str(), row.threads, grouped(row.requests).c_str(),
+                grouped(row.failed).c_str(), row.p50_ms, row.p99_ms, ratio_text(row.vs_base_p50).c_str(),
+                ratio_text(row.vs_base_p99).c_str(), 100.0 * row.spread);
+  }
+}
+
+void print_loads(const measure::Report& report, std::size_t from) {
+  if (report.load.size() == from) return;
+  std::printf("\n%-6s %-8s %4s %9s %9s %7s %7s %8s %8s %9s %9s %8s %8s %7s %8s %8s %7s\n", "scene", "load",
+              "thr.", "offered/s", "good/s", "x peak", "spread", "p50 ms", "p99 ms", "x steady", "refused/s",
+              "p50 ms", "p99 ms", "failed", "late ms", "clients", "again s");
+  for (std::size_t i = from; i < report.load.size(); ++i) {
+    const measure::LoadRow& row = report.load[i];
+    std::printf(
+        "%-6s %-8s %4zu %9.1f %9.1f %7s %5.1f %% %8.2f %8.2f %9s %9.1f %8.2f %8.2f %7s %8.2f %6.1f %% "
+        "%7.2f\n",
+        row.scene.c_str(), row.phase.c_str(), row.threads, row.offered_per_s, row.goodput_per_s,
+        ratio_text(row.vs_peak).c_str(), 100.0 * row.spread, row.accepted_p50_ms, row.accepted_p99_ms,
+        ratio_text(row.vs_steady_p99).c_str(), row.refused_per_s, row.refused_p50_ms, row.refused_p99_ms,
+        grouped(row.failed + row.not_sent).c_str(), row.late_p99_ms, 100.0 * row.clients_share,
+        row.recovery_s);
+  }
+}
+
+void print_gone(const measure::Report& report, std::size_t from) {
+  if (report.gone.size() == from) return;
+  std::printf("\n%-6s %-11s %4s %10s %7s %9s %9s %9s\n", "scene", "client gone", "thr.", "rays", "trials",
+              "median ms", "p99 ms", "worst ms");
+  for (std::size_t i = from; i < report.gone.size(); ++i) {
+    const measure::GoneRow& row = report.gone[i];
+    std::printf("%-6s %-11s %4zu %10s %7s %9.1f %9.1f %9.1f\n", row.scene.c_str(), "", row.threads,
+                grouped(row.rays).c_str(), grouped(row.trials).c_str(), row.median_ms, row.p99_ms,
+                row.worst_ms);
+  }
+}
+
 }  // namespace
 
 void print_new_rows(const measure::Report& report, measure::Report& printed) {
@@ -133,6 +189,10 @@ void print_new_rows(const measure::Report& report, measure::Report& printed) {
   print_deformations(report, printed.deform_summary.size());
   print_serve(report, printed.serve.size());
   print_crowds(report, printed.crowd.size());
+  print_json_batches(report, printed.json_batches.size());
+  print_latencies(report, printed.latency.size());
+  print_loads(report, printed.load.size());
+  print_gone(report, printed.gone.size());
   std::fflush(stdout);
   printed = report;
 }

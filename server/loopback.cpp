@@ -12,13 +12,21 @@
 #include <unistd.h>
 
 #include "server/api.h"
-#include "server/http_server.h"
 
 namespace gridcast::server {
 namespace {
 
 constexpr std::size_t kPiece = std::size_t(1) << 16;
 constexpr std::string_view kEndOfHead = "\r\n\r\n";
+
+const std::string kCastHead =
+    "POST /v1/scenes/bench/rays/closest HTTP/1.1\r\nHost: 127.0.0.1\r\n"
+    "Content-Type: application/vnd.gridcast.rays; dtype=float32; columns=8\r\n"
+    "Accept: application/vnd.gridcast.hits\r\n";
+
+std::string with_length(const std::string& head, std::size_t body_bytes) {
+  return head + "Content-Length: " + std::to_string(body_bytes) + "\r\n\r\n";
+}
 
 Error failed(const char* what) {
   return {ErrorCode::kIo, std::string(what) + " failed", "/serve"};
@@ -44,14 +52,19 @@ std::size_t whole_size(std::string_view text) {
 
 }  // namespace
 
-LoopbackServer::LoopbackServer(std::shared_ptr<const scene::Scene> scene, std::size_t threads)
+LoopbackServer::LoopbackServer(std::shared_ptr<const scene::Scene> scene, std::size_t threads,
+                               HttpServerOptions options)
     : api_(std::make_unique<Api>(proto::Limits{}, threads)) {
   made_ =
       std::holds_alternative<std::shared_ptr<NamedScene>>(api_->store.create("bench", std::move(scene), {}));
-  HttpServerOptions options;
   options.port = 0;
-  options.connection_threads = 4;
   http_ = std::make_unique<HttpServer>(make_router(*api_), options, [](const RequestRecord&) {});
+}
+
+HttpServerOptions LoopbackServer::few_connections() {
+  HttpServerOptions options;
+  options.connection_threads = 4;
+  return options;
 }
 
 LoopbackServer::~LoopbackServer() {
@@ -92,24 +105,37 @@ void LoopbackClient::connect() {
 }
 
 Status LoopbackClient::cast(std::span<const std::byte> rays) {
-  return exchange(
-      "POST /v1/scenes/bench/rays/closest HTTP/1.1\r\nHost: 127.0.0.1\r\n"
-      "Content-Type: application/vnd.gridcast.rays; dtype=float32; columns=8\r\n"
-      "Accept: application/vnd.gridcast.hits\r\n",
-      rays);
+  return exchange(kCastHead, rays);
+}
+
+Status LoopbackClient::send(std::span<const std::byte> rays) {
+  if (!connected_) return failed("connecting");
+  const std::string head = with_length(kCastHead, rays.size());
+  if (!send_all(head.data(), head.size()) || !send_all(rays.data(), rays.size())) return failed("sending");
+  return ok_status();
+}
+
+void LoopbackClient::hang_up() {
+  if (socket_ >= 0) ::close(socket_);
+  socket_ = -1;
+  connected_ = false;
+}
+
+Result<std::string_view> LoopbackClient::ask(const std::string& head, std::span<const std::byte> body) {
+  if (const Status status = exchange(head, body); !status) return status.error();
+  return std::string_view(answer_.data(), answered_bytes_);
 }
 
 Result<std::string_view> LoopbackClient::put_pose(std::string_view json) {
-  const Status status =
-      exchange("PUT /v1/scenes/bench/pose HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n",
-               std::as_bytes(std::span(json)));
-  if (!status) return status.error();
-  const std::string_view answer(answer_.data(), answered_bytes_);
-  return answer.substr(answer.find(kEndOfHead) + kEndOfHead.size());
+  const auto answer =
+      ask("PUT /v1/scenes/bench/pose HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n",
+          std::as_bytes(std::span(json)));
+  if (!answer) return answer.error();
+  return answer->substr(answer->find(kEndOfHead) + kEndOfHead.size());
 }
 
 Status LoopbackClient::exchange(const std::string& head, std::span<const std::byte> body) {
-  const std::string whole = head + "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n";
+  const std::string whole = with_length(head, body.size());
   bool answered = exchange_once(whole, body);
   if (!answered) {
     connect();

@@ -11,16 +11,17 @@
 
 #include "core/error.h"
 #include "core/scene/scene.h"
+#include "server/http_server.h"
 
 namespace gridcast::server {
 
 struct Api;
-class HttpServer;
 
 /// Serves one scene, named `bench`, on a free port of the loopback address as long as it lives.
 class LoopbackServer {
  public:
-  LoopbackServer(std::shared_ptr<const scene::Scene> scene, std::size_t threads);
+  LoopbackServer(std::shared_ptr<const scene::Scene> scene, std::size_t threads,
+                 HttpServerOptions options = few_connections());
   ~LoopbackServer();
   LoopbackServer(const LoopbackServer&) = delete;
   LoopbackServer& operator=(const LoopbackServer&) = delete;
@@ -29,8 +30,11 @@ class LoopbackServer {
   [[nodiscard]] Result<int> start();
   /// In a batch.
   [[nodiscard]] std::size_t max_rays() const;
+  [[nodiscard]] std::size_t requests_in_flight() const { return http_->requests_in_flight(); }
 
  private:
+  static HttpServerOptions few_connections();
+
   std::unique_ptr<Api> api_;
   bool made_ = false;
   std::unique_ptr<HttpServer> http_;
@@ -48,6 +52,13 @@ class LoopbackClient {
 
   /// Sends rays, float32 rows of 8, and reads the whole answer, closest hits in binary.
   [[nodiscard]] Status cast(std::span<const std::byte> rays);
+  /// Sends rays as cast() does, and does not wait for the answer.
+  [[nodiscard]] Status send(std::span<const std::byte> rays);
+  /// Closes the connection, whatever is under way.
+  void hang_up();
+  /// Sends `head`, which lacks its last lines (Content-Length and what follows), and `body`; the whole
+  /// answer, which is to be of status 200. The view is good until the next request.
+  [[nodiscard]] Result<std::string_view> ask(const std::string& head, std::span<const std::byte> body);
   /// PUT .../pose; the view of the answer's body is good until the next request.
   [[nodiscard]] Result<std::string_view> put_pose(std::string_view json);
 

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "core/measure/load_report.h"
+
 namespace gridcast::measure {
 
 /// Who is measured: engine "gridcast" or "embree".
@@ -134,6 +136,10 @@ struct Report {
   std::vector<DeformSummaryRow> deform_summary;
   std::vector<ServeRow> serve;
   std::vector<CrowdRow> crowd;
+  std::vector<JsonBatchRow> json_batches;
+  std::vector<LatencyRow> latency;
+  std::vector<LoadRow> load;
+  std::vector<GoneRow> gone;
   std::vector<CheckRow> checks;
 };
 

@@ -4,12 +4,13 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <utility>
 
 namespace gridcast::measure {
 namespace {
 
 /// Linear interpolation between the sorted samples.
-double quantile(const Samples& sorted, double q) {
+double within_sorted(const Samples& sorted, double q) {
   const double at = q * double(sorted.size() - 1);
   const auto below = std::size_t(std::floor(at));
   const std::size_t above = std::min(below + 1, sorted.size() - 1);
@@ -18,17 +19,21 @@ double quantile(const Samples& sorted, double q) {
 
 }  // namespace
 
-double median(Samples samples) {
+double quantile(Samples samples, double q) {
   if (samples.empty()) return 0.0;
   std::sort(samples.begin(), samples.end());
-  return quantile(samples, 0.5);
+  return within_sorted(samples, q);
+}
+
+double median(Samples samples) {
+  return quantile(std::move(samples), 0.5);
 }
 
 double spread(Samples samples) {
   if (samples.size() < 2) return 0.0;
   std::sort(samples.begin(), samples.end());
-  const double middle = quantile(samples, 0.5);
-  return middle > 0.0 ? (quantile(samples, 0.75) - quantile(samples, 0.25)) / middle : 0.0;
+  const double middle = within_sorted(samples, 0.5);
+  return middle > 0.0 ? (within_sorted(samples, 0.75) - within_sorted(samples, 0.25)) / middle : 0.0;
 }
 
 double now_s(ClockKind clock) {

@@ -11,6 +11,9 @@ using Samples = std::vector<double>;
 
 /// 0 for none.
 [[nodiscard]] double median(Samples samples);
+/// The sample that the share `q` in [0, 1] of them does not exceed, between two by their distances. 0 for
+/// none.
+[[nodiscard]] double quantile(Samples samples, double q);
 /// How far samples differ: the distance of the quartiles by the median. 0 for fewer than two.
 [[nodiscard]] double spread(Samples samples);
 /// The median of theirs[i] / ours[i]: how many times faster ours is, taken repetition by repetition, so that

@@ -54,6 +54,7 @@ def test_every_section_has_rows_of_the_agreed_shape(report):
     assert values(read["serve"], "set") == {"primary"}, "the server's batch is of closest hits"
     assert values(read["deform"], "scene") == {"S1"} == values(read["deform_summary"], "scene")
     assert values(read["crowd"], "scene") == {"crowd"}
+    assert values(read["load"], "scene") == {"S1", "I1"} == values(read["gone"], "scene")
 
 
 def test_deformations_have_a_row_a_frame_and_a_summary(report):
@@ -81,6 +82,21 @@ def test_a_crowd_is_posed_while_clients_cast(report):
         assert row["instances"] == 2 + 3 and 3500 < row["figure_triangles"] < 10000
         assert row["updates_per_s"] <= 40 and row["update_p99_ms"] >= row["update_p50_ms"]
     assert not read["rays"] and not read["checks"], "the crowd needs no other scene"
+
+
+def test_a_server_is_loaded_until_it_refuses(report):
+    read = report(*TINY[:-1], "0.5", "--section", "load", "--threads", "2")
+    assert values(read["json_batches"], "scene") == {"S1"} == values(read["load"], "scene"), "what it takes by itself"
+    assert [row["phase"] for row in read["load"]] == ["peak", "steady", "double", "tenfold"]
+    assert all(row["offered_per_s"] > 0 and row["rays"] == 128 * 96 for row in read["load"]), read["load"]
+    assert read["load"][0]["goodput_per_s"] > 0
+    rows = {(row["what"], row["beside"]): row for row in read["latency"]}
+    assert set(rows) == {("constant", "nothing"), *((what, beside) for what in ("one_ray", "health")
+                                                     for beside in ("nothing", "one_batch", "five_batches")),
+                         ("one_ray", "drips"), ("one_ray_connecting", "nothing"), ("one_ray_connecting", "drips")}
+    assert all(row["failed"] == 0 and row["requests"] >= 30 for row in rows.values()), rows
+    assert all(row["vs_base_p50"] > 0 for key, row in rows.items() if key[1] != "nothing" or key[0] == "one_ray")
+    assert [row["threads"] for row in read["gone"]] == [2] and read["gone"][0]["trials"] > 0
 
 
 def test_no_answer_differs_from_single_rays_or_brute_force(report):
