@@ -4,6 +4,7 @@ import threading
 
 import numpy as np
 
+import isolation
 import models
 
 
@@ -74,3 +75,19 @@ def test_a_query_at_work_finishes_on_a_dropped_scene(client):
     scene.delete()
     reader.join()
     assert answers[0].status in (200, 404)
+
+
+def test_no_answer_is_mixed_while_updates_of_every_kind_arrive_at_a_steady_rate():
+    """A short turn of tests/api/isolation.py, which runs as long as it is told to."""
+    found = isolation.run(seconds=4.0, per_s=1000.0, readers=2, rays=500)
+    assert found["mixed"] == 0 == found["backwards"], found
+    assert found["last"][0] == found["last"][1], "every update made one version"
+    assert found["updates"] > 100 and found["forks"] > 0 and found["rays"] > 10_000, found
+    assert min(found["versions"]) > 20, "the readers met many versions"
+
+
+def test_a_mixed_answer_would_be_counted():
+    """The judge of isolation.py: an answer of one version is wrong for the next, whatever kind of update made it."""
+    probe = isolation.Probe(400, seed=5)
+    for version in range(8, 16):
+        assert np.count_nonzero(probe.expected(version) != probe.expected(version + 1)) > 0, version
