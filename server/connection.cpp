@@ -29,6 +29,14 @@ bool wait_for(int socket, short events, Clock::time_point until) {
   return ::poll(&entry, 1, int(std::clamp<long long>(left, 0, 60'000))) > 0;
 }
 
+/// What has come for nobody: TCP drops it without a copy.
+Arrived throw_away(int socket) {
+  constexpr std::size_t kMost = std::size_t(1) << 20;
+  const ssize_t n = ::recv(socket, nullptr, kMost, MSG_DONTWAIT | MSG_TRUNC);
+  const bool is_open = n > 0 || (n < 0 && (errno == EAGAIN || errno == EINTR));
+  return is_open ? Arrived::kNotYet : Arrived::kEnd;
+}
+
 BodyError invalid_body(std::string detail) {
   return {Problem{ProblemCode::kInvalidRequest, std::move(detail), ""}};
 }
@@ -60,13 +68,13 @@ bool Connection::receive(Clock::time_point until) {
 }
 
 Arrived Connection::look() {
-  if (!draining_ && (head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes)) return Arrived::kHead;
+  if (draining_) return throw_away(socket_);
+  if (head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes) return Arrived::kHead;
   // Many wait at once: what each holds follows what it has sent.
   std::array<char, kMaxHeadBytes> piece{};
   const ssize_t n = ::recv(socket_, piece.data(), piece.size(), MSG_DONTWAIT);
   if (n < 0 && (errno == EAGAIN || errno == EINTR)) return Arrived::kNotYet;
   if (n <= 0) return Arrived::kEnd;
-  if (draining_) return Arrived::kNotYet;
   if (buffer_.empty()) waits_since_ = Clock::now();
   const std::size_t seen = buffer_.size();
   buffer_.append(piece.data(), std::size_t(n));

@@ -9,6 +9,7 @@
 #include "server/access/access_control.h"
 #include "server/log.h"
 #include "server/problem.h"
+#include "server/small_request.h"
 #include "server/url.h"
 
 namespace gridcast::server {
@@ -87,7 +88,7 @@ HttpResponse Exchange::answer() {
   const Route* route = nullptr;
   std::optional<Problem> problem = prepare(request, route);
   if (!problem) problem = read_body(*route, request);
-  if (!problem) return handle(*route, request);
+  if (!problem) return admit_and_handle(*route, request);
   // An unread body would be taken for the next request.
   if (head_.framing == BodyFraming::kChunked || head_.content_length != 0) must_close_ = true;
   HttpResponse response = problem_response(*problem);
@@ -192,6 +193,17 @@ std::optional<Problem> Exchange::check_memory(const Route& route, std::size_t bo
   if (stays)
     return Problem{ProblemCode::kMemoryFull, "the server's memory is nearly used up; delete scenes", ""};
   return Problem{ProblemCode::kOverloaded, "the server's memory is nearly used up", ""};
+}
+
+HttpResponse Exchange::admit_and_handle(const Route& route, const HttpRequest& request) {
+  if (!is_heavy_request(head_)) return handle(route, request);
+  if (!shared_.heavy.try_enter(Clock::now()))
+    return problem_response({ProblemCode::kOverloaded, "too many requests", ""});
+  struct Leave {
+    HeavyLoad& heavy;
+    ~Leave() { heavy.leave(Clock::now()); }
+  } leave{shared_.heavy};
+  return handle(route, request);
 }
 
 HttpResponse Exchange::handle(const Route& route, const HttpRequest& request) {

@@ -8,6 +8,7 @@
 
 #include "proto/error_table.h"
 #include "server/connection.h"
+#include "server/heavy_load.h"
 #include "server/http_server.h"
 #include "server/request_watch.h"
 #include "server/router.h"
@@ -21,6 +22,7 @@ struct ExchangeShared {
   RequestWatch& watch;
   std::atomic<std::size_t>& body_bytes_in_flight;
   std::atomic<std::size_t>& in_flight;
+  HeavyLoad& heavy;
 };
 
 /// One request and its answer: checks before the body, the body, the route's handler.
@@ -56,6 +58,8 @@ class Exchange {
   /// Why the server has no memory for a request, if so.
   [[nodiscard]] std::optional<proto::Problem> check_memory(const Route& route, std::size_t body_bytes) const;
   [[nodiscard]] std::optional<proto::Problem> read_body(const Route& route, HttpRequest& request);
+  /// Or refuses what would be too much at once.
+  [[nodiscard]] HttpResponse admit_and_handle(const Route& route, const HttpRequest& request);
   [[nodiscard]] HttpResponse handle(const Route& route, const HttpRequest& request);
 
   ExchangeShared shared_;

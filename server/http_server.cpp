@@ -4,6 +4,7 @@
 
 #include "server/http_server.h"
 
+#include <algorithm>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -12,8 +13,10 @@
 #include <sys/socket.h>
 
 #include "server/exchange.h"
+#include "server/heavy_load.h"
 #include "server/lobby.h"
 #include "server/problem.h"
+#include "server/small_request.h"
 #include "server/worker_pool.h"
 
 namespace gridcast::server {
@@ -23,6 +26,14 @@ namespace {
 constexpr std::size_t kRequestsPerConnection = 1000;
 // A busy client's next request comes sooner than the way through the lobby takes.
 constexpr std::chrono::milliseconds kLinger{1};
+// For small requests while all other threads have theirs: probes, and a few rays beside large batches.
+constexpr std::size_t kReservedThreads = 2;
+constexpr std::size_t kMaxQueuedSmall = 64;
+// Of heavy requests, at work or waiting for it: under 80 % of the load that a server bears there are hardly
+// more.
+constexpr std::size_t kHeavyPerCore = 8;
+
+using TakenHead = std::optional<std::variant<HttpHead, HeadError>>;
 
 /// What the library reads: a head that was checked and reduced to what it needs. What it writes goes out.
 class GuardStream final : public httplib::Stream {
@@ -91,6 +102,7 @@ class HttpServer::Edge final : public httplib::Server {
         observer_(std::move(observer)),
         watch_(options_.memory),
         pool_(options_.connection_threads, options_.max_queued_connections),
+        reserved_(kReservedThreads, kMaxQueuedSmall),
         lobby_(options_.max_waiting_connections, exits()) {
     new_task_queue = [this] { return new NoQueue([this] { end_serving(); }); };
     // Without SO_REUSEPORT, which the library sets by default and which lets two servers share a port unseen.
@@ -186,10 +198,16 @@ class HttpServer::Edge final : public httplib::Server {
   void end_serving() {
     lobby_.close();
     pool_.shut_down();
+    reserved_.shut_down();
   }
 
   bool process_and_close_socket(socket_t sock) override {
-    lobby_.enter(std::make_shared<Connection>(sock, options_.connection));
+    const auto connection = std::make_shared<Connection>(sock, options_.connection);
+    // Often the request has come by now, and more so the busier we are.
+    if (connection->look() == Arrived::kHead)
+      dispatch(connection, connection->take_head());
+    else
+      lobby_.enter(connection);
     return true;
   }
 
@@ -200,11 +218,43 @@ class HttpServer::Edge final : public httplib::Server {
       };
     };
     const auto full = say(proto::ProblemCode::kOverloaded, "too many connections");
-    return {[this, full](const std::shared_ptr<Connection>& connection) {
-              std::function<void()> task = [this, connection] { serve_connection(connection); };
-              if (!pool_.try_enqueue(task)) full(*connection);
+    return {[this](const std::shared_ptr<Connection>& connection) {
+              dispatch(connection, connection->take_head());
             },
             say(proto::ProblemCode::kInvalidRequest, "the head came too slowly"), full};
+  }
+
+  enum class Lane : std::uint8_t { kAny, kSmall };
+
+  /// To a thread that serves `head`. Small requests go ahead of others where no thread is free.
+  void dispatch(const std::shared_ptr<Connection>& connection, TakenHead head) {
+    const auto* request = head ? std::get_if<HttpHead>(&*head) : nullptr;
+    const bool is_small = request != nullptr && is_small_request(*request);
+    // Before a thread is woken and the body read: what a refusal costs is taken from those that are served.
+    if (request != nullptr && is_heavy_request(*request) && heavy_.is_full()) {
+      refuse(connection);
+      return;
+    }
+    const auto taken = std::make_shared<TakenHead>(std::move(head));
+    const auto task_on = [&](Lane lane) -> std::function<void()> {
+      return [this, connection, taken, lane] { serve_connection(connection, std::move(*taken), lane); };
+    };
+    std::function<void()> task = task_on(Lane::kAny);
+    if (pool_.try_hand_over(task)) return;
+    if (is_small) {
+      std::function<void()> small = task_on(Lane::kSmall);
+      if (reserved_.try_enqueue(small)) return;
+    }
+    if (!pool_.try_enqueue(task)) refuse(connection);
+  }
+
+  /// What is still to come of the request is read and thrown away, or the client might lose the answer.
+  void refuse(const std::shared_ptr<Connection>& connection) {
+    const proto::Problem problem{proto::ProblemCode::kOverloaded, "too many requests", ""};
+    connection->write_now(plain_answer(problem));
+    observer_({"", "", problem.status(), 0.0, 0, 0, ""});
+    connection->begin_close();
+    lobby_.enter(connection);
   }
 
   /// Without waiting, on the lobby's thread.
@@ -214,29 +264,40 @@ class HttpServer::Edge final : public httplib::Server {
     observer_({"", "", problem.status(), 0.0, 0, 0, ""});
   }
 
-  /// Serves the head that has come, and what follows it at once; then the connection waits in the lobby.
-  void serve_connection(const std::shared_ptr<Connection>& connection) {
-    do {
-      const auto head = connection->take_head();
-      if (!head) break;
+  void answer_error(Connection& connection, const HeadError& error) {
+    const proto::Problem problem{error.code, error.detail, ""};
+    observer_({"", "", problem.status(), 0.0, 0, 0, ""});
+    (void)connection.write(plain_answer(problem));
+    connection.begin_close();
+  }
+
+  /// Serves `head`, and what follows it at once; then the connection waits in the lobby. Where others wait
+  /// for the thread, what follows takes its turn behind them.
+  void serve_connection(const std::shared_ptr<Connection>& connection, TakenHead head, Lane lane) {
+    while (head && !connection->closing()) {
       if (const auto* error = std::get_if<HeadError>(&*head)) {
-        const proto::Problem problem{error->code, error->detail, ""};
-        observer_({"", "", problem.status(), 0.0, 0, 0, ""});
-        (void)connection->write(plain_answer(problem));
-        connection->begin_close();
+        answer_error(*connection, *error);
         break;
       }
       must_close_after = connection->heads_taken() == kRequestsPerConnection;
       if (!serve_request(*connection, std::get<HttpHead>(*head), connection->waits_since())) return;
       if (connection->closing()) break;
       connection->begin_wait();
-    } while (connection->look_within(kLinger) == Arrived::kHead);
+      const bool goes_on = lane == Lane::kAny && !pool_.is_behind();
+      const Arrived next = goes_on ? connection->look_within(kLinger) : connection->look();
+      head = next == Arrived::kHead ? connection->take_head() : std::nullopt;
+      if (head && !goes_on) {
+        dispatch(connection, std::move(head));
+        return;
+      }
+    }
     lobby_.enter(connection);
   }
 
   /// False when the connection is of no more use.
   bool serve_request(Connection& connection, const HttpHead& head, Clock::time_point started) {
-    Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_}, connection, head, started);
+    Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_, heavy_}, connection, head,
+                      started);
     current_exchange = &exchange;
     must_close_after = must_close_after || head.wants_close() || stopping_;
     // Only what the library needs to answer: no Range, Expect, Accept-Encoding, Content-* or chunked coding.
@@ -259,7 +320,8 @@ class HttpServer::Edge final : public httplib::Server {
   std::atomic<bool> stopping_{false};
   std::mutex stop_mutex_;  ///< guards drain_
   std::thread drain_;
-  WorkerPool pool_;
+  HeavyLoad heavy_{kHeavyPerCore * std::max(1U, std::thread::hardware_concurrency())};
+  WorkerPool pool_, reserved_;
   Lobby lobby_;  // last: it hands to the rest
 };
 

@@ -46,7 +46,12 @@ void Lobby::enter(std::shared_ptr<Connection> connection) {
     if (::epoll_ctl(epoll_, EPOLL_CTL_ADD, socket, &event) == 0)
       waiting_.emplace(socket, std::move(connection));
   }
-  if (evicted) exits_.evicted(*evicted);
+  if (!evicted) return;
+  // What it has sent may not have been looked at yet.
+  if (evicted->look() == Arrived::kHead)
+    exits_.ready(std::move(evicted));
+  else
+    exits_.evicted(*evicted);
 }
 
 void Lobby::close() {

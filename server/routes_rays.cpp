@@ -5,6 +5,7 @@
 #include "server/access/caller.h"
 #include "server/api.h"
 #include "server/ray_reply.h"
+#include "server/small_request.h"
 
 namespace gridcast::server {
 namespace {
@@ -64,8 +65,10 @@ HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cance
   if (const auto problem = access::charge_rays(request, double(rays->batch().size())))
     return problem_response(*problem);
   timing.mark("parse");
-  const auto permit = api.gate.enter(cancellation.token());
-  if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
+  // A few rays wait for nobody: beside large batches that would take longer than they do.
+  const bool is_small = question != RayQuestion::kAll && request.body.size() <= kSmallBodyBytes;
+  const auto permit = is_small ? api.gate.try_enter() : api.gate.enter(cancellation.token());
+  if (!is_small && !permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
   const Cast cast{api, *std::get<OpenScene>(opened).scene, *rays, *format, cancellation, timing};
   if (question == RayQuestion::kAll) return answer_all(cast);

@@ -14,9 +14,22 @@ WorkerPool::~WorkerPool() {
 }
 
 bool WorkerPool::try_enqueue(std::function<void()>& task) {
+  return try_enqueue_beyond(task, max_queued_);
+}
+
+bool WorkerPool::try_hand_over(std::function<void()>& task) {
+  return try_enqueue_beyond(task, 0);
+}
+
+bool WorkerPool::is_behind() const {
+  const std::lock_guard lock(mutex_);
+  return tasks_.size() > idle_;
+}
+
+bool WorkerPool::try_enqueue_beyond(std::function<void()>& task, std::size_t max_queued) {
   {
     const std::lock_guard lock(mutex_);
-    if (ending_ || tasks_.size() >= idle_ + max_queued_) return false;
+    if (ending_ || tasks_.size() >= idle_ + max_queued) return false;
     tasks_.push_back(std::move(task));
   }
   changed_.notify_one();

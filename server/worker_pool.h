@@ -20,13 +20,18 @@ class WorkerPool {
 
   /// False, and `task` is untouched, when every thread is busy and the queue is full.
   [[nodiscard]] bool try_enqueue(std::function<void()>& task);
+  /// The same without the queue: false when no thread is free.
+  [[nodiscard]] bool try_hand_over(std::function<void()>& task);
+  /// Whether tasks wait for a thread.
+  [[nodiscard]] bool is_behind() const;
   /// Runs what is queued, then ends the threads.
   void shut_down();
 
  private:
+  [[nodiscard]] bool try_enqueue_beyond(std::function<void()>& task, std::size_t max_queued);
   void run();
 
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::function<void()>> tasks_;
   std::size_t max_queued_;
