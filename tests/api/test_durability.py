@@ -63,8 +63,12 @@ def test_names_of_scenes_go_on_after_a_restart(folder):
 
 @needs_shim
 def test_no_kill_and_no_loss_of_power_takes_back_what_was_acknowledged(tmp_path):
-    kills, ready = durability.run(cycles=16, seed=5, folder=tmp_path / "cycle")
-    assert kills >= 8, "the kills met servers at work"
+    """200 lives: every named point, then numbered calls, losses of power and random times."""
+    points = [{"point": point} for point in durability.POINTS]
+    found = durability.run([*points, *durability.kinds_of_kills(200 - len(points), seed=5)], tmp_path)
+    met = [killed for killed, _ in found[:len(points)]]
+    assert all(met), [point for point, killed in zip(durability.POINTS, met) if not killed]
+    assert sum(killed for killed, _ in found) >= 150, "the kills met servers at work"
 
 
 def test_a_second_server_is_refused(folder, binary):
