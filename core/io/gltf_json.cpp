@@ -8,10 +8,6 @@
 namespace gridcast::io {
 namespace {
 
-/// A JSON value takes 16 bytes for 2 of text, and two documents exist for a moment: this keeps both below
-/// some 2 GiB however the text is made.
-constexpr std::size_t kMaxValues = 20'000'000;
-
 /// Builds the document from parser events, refusing as early as possible. Unlike the library's own builder it
 /// bounds depth and size and does not let the last of two equal keys win.
 class DocumentBuilder {
@@ -61,7 +57,7 @@ class DocumentBuilder {
     return true;
   }
   Json* place(Json value) {
-    if (++values_ > kMaxValues) {
+    if (++values_ > kMaxJsonValues) {
       fail("the JSON has too many values");
       return nullptr;
     }

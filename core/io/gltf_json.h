@@ -17,6 +17,10 @@ namespace gridcast::io {
 
 using Json = nlohmann::json;
 
+/// A JSON value takes 16 bytes for 2 of text, and two documents exist for a moment: this keeps both below
+/// some 2 GiB however the text is made.
+inline constexpr std::size_t kMaxJsonValues = 20'000'000;
+
 /// Throws Refusal: not JSON, deeper than the limit, too many values, a key twice in one object, numbers out
 /// of the range of double. Parsing is iterative; what follows may recurse, since the depth is bounded.
 [[nodiscard]] Json parse_json(std::span<const std::byte> text, const GltfLimits& limits);

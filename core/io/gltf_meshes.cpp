@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "core/io/gltf_import.h"
 #include "core/io/gltf_primitive.h"
@@ -96,6 +97,10 @@ void MeshBuilder::join_vertices() {
   join_targets();
 }
 
+/// Twice what rounding its components to float may do to the length of a unit vector: such a normal stays as
+/// it is, so that what was read and written is read again with the same bits.
+constexpr double kUnitRounding = 0x1p-23;
+
 /// Unit normals. A stored normal without a direction is replaced by that of the faces around its vertex.
 void MeshBuilder::join_normals() {
   const bool all = std::ranges::all_of(blocks_, [](const Block& b) { return !b.vertices.normals.empty(); });
@@ -108,6 +113,7 @@ void MeshBuilder::join_normals() {
     const double length = glm::length(normal);
     missing[i] = !(is_finite(normal) && length > 0.0);
     any_missing = any_missing || missing[i];
+    if (std::abs(length - 1.0) <= kUnitRounding) continue;
     mesh_.normals[i] = missing[i] ? Vec3f(0.F) : Vec3f(normal / length);
   }
   if (!any_missing) return;
