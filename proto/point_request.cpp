@@ -4,6 +4,7 @@
 #include <string>
 
 #include "proto/binary_rows.h"
+#include "proto/field_names.h"
 #include "proto/instance_mask.h"
 #include "proto/json_reader.h"
 #include "proto/media_type.h"
@@ -12,8 +13,18 @@ namespace gridcast::proto {
 namespace {
 
 /// That of points/closest comes last.
-constexpr std::array<std::string_view, 4> kMembers{"points", "deadline_ms", "mask", "max_distance"};
-constexpr std::array<std::string_view, 3> kParameters{"deadline_ms", "mask", "max_distance"};
+constexpr std::array<std::string_view, 5> kMembers{"points", "deadline_ms", "fields", "mask", "max_distance"};
+constexpr std::array<std::string_view, 4> kParameters{"deadline_ms", "fields", "mask", "max_distance"};
+
+/// The columns that answers to a question have, by name.
+struct FieldNames {
+  std::span<const std::string_view> names;
+  std::optional<PointField> (*parse)(std::string_view name);
+};
+FieldNames field_names(PointQuestion question) {
+  if (question == PointQuestion::kClosest) return {kNearestFieldNames, parse_nearest_field};
+  return {kInsideFieldNames, parse_inside_field};
+}
 
 void read_points(const JsonNode& node, const Limits& limits, std::vector<double>& rows) {
   const auto array = read_array(node);
@@ -37,7 +48,10 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, P
   if (!document) return document.problem();
   JsonProblems problems;
   const ObjectReader object(document.value().root(problems),
-                            std::span(kMembers).first(question == PointQuestion::kClosest ? 4 : 3));
+                            std::span(kMembers).first(question == PointQuestion::kClosest ? 5 : 4));
+  const FieldNames columns = field_names(question);
+  if (const auto* node = problems.any() ? nullptr : object.find("fields"))
+    request.fields = read_fields<PointField>(*node, columns.names, columns.parse);
   if (const auto* node = problems.any() ? nullptr : object.find("deadline_ms"))
     request.deadline_ms = read_number_above(*node, 0.0, limits.deadline_ms);
   if (const auto* node = problems.any() ? nullptr : object.find("mask"))
@@ -57,7 +71,9 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, P
 
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    PointQuestion question, PointRequest& request) {
-  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 3 : 2));
+  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 4 : 3));
+  const FieldNames columns = field_names(question);
+  request.fields = read_query_fields(query, columns.names, columns.parse, request.fields);
   if (const auto distance = query.number("max_distance", 0.0, std::numeric_limits<double>::max()))
     request.max_distance = *distance;
   // The smallest deadline that means anything is a microsecond.
@@ -68,6 +84,27 @@ std::optional<Problem> apply_query(const QueryParameters& parameters, const Limi
 }
 
 }  // namespace
+
+std::optional<PointField> parse_nearest_field(std::string_view name) {
+  if (name == "status" || name == "distance") return PointField::kNone;
+  if (name == "position") return PointField::kPosition;
+  if (name == "uv") return PointField::kUv;
+  if (name == "instance_id") return PointField::kInstanceId;
+  if (name == "mesh_id") return PointField::kMeshId;
+  if (name == "primitive_id") return PointField::kPrimitiveId;
+  return std::nullopt;
+}
+
+std::optional<PointField> parse_inside_field(std::string_view name) {
+  if (name == "place") return PointField::kNone;
+  if (name == "splits") return PointField::kSplits;
+  if (name == "instance_id") return PointField::kSplits | PointField::kInstanceId;
+  if (name == "mesh_id") return PointField::kSplits | PointField::kMeshId;
+  if (name == "winding") return PointField::kSplits | PointField::kWinding;
+  if (name == "on_boundary") return PointField::kSplits | PointField::kOnBoundary;
+  if (name == "open_meshes") return PointField::kOpenMeshes;
+  return std::nullopt;
+}
 
 PointBatch PointRequest::batch() const {
   if (!binary_body.empty()) return {binary_body, scalar};

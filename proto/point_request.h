@@ -13,6 +13,7 @@
 #include "core/math/point_batch.h"
 #include "proto/limits.h"
 #include "proto/parsed.h"
+#include "proto/point_fields.h"
 #include "proto/query.h"
 
 namespace gridcast::proto {
@@ -33,6 +34,7 @@ class PointRequest {
   double max_distance = std::numeric_limits<double>::infinity();  ///< metres, of points/closest
   std::optional<double> deadline_ms;                              ///< sooner than the server's own
   InstanceMask mask = kFullMask;                                  ///< which instances count
+  PointField fields = PointField::kAll;
   std::vector<double> rows;                ///< [N, 3] from JSON; empty when the body is binary
   std::span<const std::byte> binary_body;  ///< the request's own bytes, not copied
   ScalarType scalar = ScalarType::kFloat64;
@@ -42,9 +44,10 @@ class PointRequest {
 };
 
 /// JSON {"points": [[x,y,z]...], "max_distance"? (points/closest; null is unbounded), "deadline_ms"?,
-/// "mask"?} or binary (application/vnd.gridcast.points; dtype=float32|float64), little-endian row-major [N,
-/// 3], float32 by default. The query string's max_distance, deadline_ms and mask win. As many points as rays
-/// are taken. Problems: those of parse_ray_request, with too_many_points.
+/// "fields"?: [names of columns], "mask"?} or binary (application/vnd.gridcast.points;
+/// dtype=float32|float64), little-endian row-major [N, 3], float32 by default. The query string's
+/// max_distance, deadline_ms, fields and mask win. As many points as rays are taken. Problems: those of
+/// parse_ray_request, with too_many_points.
 [[nodiscard]] Parsed<PointRequest> parse_point_request(std::string_view content_type, std::string_view body,
                                                        const QueryParameters& query, const Limits& limits,
                                                        PointQuestion question);

@@ -42,6 +42,7 @@ Router make_router(Api& api) {
   Router router;
   add_meta_routes(router, api);
   add_scene_routes(router, api);
+  add_export_routes(router, api);
   add_mesh_routes(router, api);
   add_instance_routes(router, api);
   add_transaction_routes(router, api);

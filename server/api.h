@@ -48,6 +48,7 @@ struct Api {
 
 void add_meta_routes(Router& router, Api& api);
 void add_scene_routes(Router& router, Api& api);
+void add_export_routes(Router& router, Api& api);
 void add_mesh_routes(Router& router, Api& api);
 void add_instance_routes(Router& router, Api& api);
 void add_transaction_routes(Router& router, Api& api);

@@ -69,6 +69,7 @@ int run_command_line(int argc, char** argv) {
   commands.push_back(make_cast_command(program));
   commands.push_back(make_render_command(program));
   commands.push_back(make_play_command(program));
+  commands.push_back(make_export_command(program));
   commands.push_back(make_info_command(program));
   commands.push_back(make_bench_command(program));
   commands.push_back(make_chart_command(program));

@@ -1,5 +1,7 @@
 #include "server/cli_common.h"
 
+#include <algorithm>
+#include <charconv>
 #include <cstdio>
 
 #include "core/math/precision_names.h"
@@ -57,6 +59,16 @@ int report(const std::string& file, const Error& error) {
     if (static_cast<unsigned char>(c) < 0x20) c = ' ';
   std::fprintf(stderr, "%s\n", text.c_str());
   return error.code == ErrorCode::kCancelled ? kExitInterrupted : kExitFailed;
+}
+
+scene::ElementRef parse_animation(const scene::Scene& scene, const std::string& text) {
+  const auto& animations = scene.data().animations;
+  const auto named = std::ranges::find(animations, text, &scene::Animation::name);
+  std::uint32_t number = 0;
+  const char* end = text.data() + text.size();
+  const bool is_number = !text.empty() && std::from_chars(text.data(), end, number).ptr == end;
+  if (named == animations.end() && is_number) return number;
+  return text;
 }
 
 Result<Precision> parse_precision(const std::string& name) {

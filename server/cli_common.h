@@ -12,6 +12,7 @@
 
 #include "core/blas/blas.h"
 #include "core/error.h"
+#include "core/scene/update.h"
 #include "server/load.h"
 #include "server/progress_bar.h"
 
@@ -46,6 +47,9 @@ void add_file_options(CLI::App& command, FileOptions& options);
 /// `gridcast: FILE: what (where)` on stderr; the exit code that fits.
 int report(const std::string& file, const Error& error);
 
+/// The animation that `text` means: one of that name, else the one of that number.
+[[nodiscard]] scene::ElementRef parse_animation(const scene::Scene& scene, const std::string& text);
+
 [[nodiscard]] Result<Precision> parse_precision(const std::string& name);
 
 /// 1234567 -> "1,234,567".
@@ -71,6 +75,7 @@ class Command {
 [[nodiscard]] std::unique_ptr<Command> make_cast_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_render_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_play_command(CLI::App& program);
+[[nodiscard]] std::unique_ptr<Command> make_export_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_info_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_bench_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_chart_command(CLI::App& program);

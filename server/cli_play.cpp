@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <string>
@@ -95,17 +94,9 @@ class PlayCommand final : public Command {
     return picture_.read(output_);
   }
 
-  /// A name of an animation, or else a number.
   Status find_animation() {
     const auto& animations = scene_->data().animations;
-    const auto named = std::ranges::find(animations, animation_, &scene::Animation::name);
-    std::uint32_t number = 0;
-    const char* end = animation_.data() + animation_.size();
-    const bool is_number = !animation_.empty() && std::from_chars(animation_.data(), end, number).ptr == end;
-    if (named == animations.end() && is_number)
-      choice_ = number;
-    else
-      choice_ = animation_;
+    choice_ = parse_animation(*scene_, animation_);
     // The engine's own answer says which there are; the first pose also says which one was meant.
     const auto posed = pose_at(start_s_);
     if (!posed) return Error{posed.error().code, posed.error().message, "--animation"};

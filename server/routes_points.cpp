@@ -13,21 +13,23 @@ namespace {
 using proto::PointQuestion;
 using proto::Problem;
 
-std::string encode(const NearestColumns& nearest, const proto::ReplyHead& head, ReplyFormat format) {
-  return format == ReplyFormat::kJson ? write_nearest_json(nearest, head)
-                                      : write_nearest_binary(nearest, head).to_string();
+std::string encode(const NearestColumns& nearest, const proto::ReplyHead& head, proto::PointField fields,
+                   ReplyFormat format) {
+  return format == ReplyFormat::kJson ? write_nearest_json(nearest, head, fields)
+                                      : write_nearest_binary(nearest, head, fields).to_string();
 }
-std::string encode(const InsideColumns& inside, const proto::ReplyHead& head, ReplyFormat format) {
-  return format == ReplyFormat::kJson ? write_inside_json(inside, head)
-                                      : write_inside_binary(inside, head).to_string();
+std::string encode(const InsideColumns& inside, const proto::ReplyHead& head, proto::PointField fields,
+                   ReplyFormat format) {
+  return format == ReplyFormat::kJson ? write_inside_json(inside, head, fields)
+                                      : write_inside_binary(inside, head, fields).to_string();
 }
 
 template <class Answer>
-HttpResponse reply(const Result<Answer>& answer, std::uint64_t version, ReplyFormat format,
-                   const Cancellation& cancellation, Timing& timing) {
+HttpResponse reply(const Result<Answer>& answer, std::uint64_t version, proto::PointField fields,
+                   ReplyFormat format, const Cancellation& cancellation, Timing& timing) {
   timing.mark("search");
   if (!answer) return problem_response(problem_of(answer.error(), proto::ErrorContext::kQuery, cancellation));
-  std::string body = encode(*answer, {version, HitField::kAll, std::nullopt}, format);
+  std::string body = encode(*answer, {version, HitField::kAll, std::nullopt}, fields, format);
   timing.mark("encode");
   return columns_response(std::move(body), format, version, timing);
 }
@@ -53,16 +55,16 @@ HttpResponse look_at_points(Api& api, const HttpRequest& request, Cancellation& 
   timing.mark("wait");
   if (question == PointQuestion::kClosest) {
     const scene::NearestOptions options{points->max_distance, cancellation.token(), {}, points->mask};
-    return reply(nearest_points(scene, points->batch(), options), scene.version(), *format, cancellation,
-                 timing);
+    return reply(nearest_points(scene, points->batch(), options), scene.version(), points->fields, *format,
+                 cancellation, timing);
   }
   const scene::InsideOptions options{
       *format == ReplyFormat::kJson ? api.limits.json_hits : api.limits.binary_hits,
       cancellation.token(),
       {},
       points->mask};
-  return reply(points_inside(scene, points->batch(), options), scene.version(), *format, cancellation,
-               timing);
+  return reply(points_inside(scene, points->batch(), options), scene.version(), points->fields, *format,
+               cancellation, timing);
 }
 
 }  // namespace

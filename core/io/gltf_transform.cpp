@@ -3,18 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include <glm/matrix.hpp>
-
 namespace gridcast::io {
 namespace {
 
 /// A rotation but for the rounding of the code below, which would otherwise round it again.
 bool is_rotation(const Mat3d& m) {
   constexpr double kRounding = 0x1p-48;
-  const Mat3d squares = glm::transpose(m) * m;
   double worst = 0.0;
   for (int c = 0; c < 3; ++c)
-    for (int r = 0; r < 3; ++r) worst = std::max(worst, std::abs(squares[c][r] - (c == r ? 1.0 : 0.0)));
+    for (int r = 0; r <= c; ++r)
+      worst = std::max(worst, std::abs(glm::dot(m[c], m[r]) - (c == r ? 1.0 : 0.0)));
   return worst <= kRounding && glm::determinant(m) > 0.0;
 }
 

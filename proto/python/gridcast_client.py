@@ -1,4 +1,4 @@
-"""A client of Gridcast for numpy users: one file, no dependency but numpy.
+"""A client of Gridcast for numpy users: this file and gridcast_wire.py beside it, no dependency but numpy.
 
     server = Service("http://127.0.0.1:8080")
     scene = server.create_scene("engine.glb", name="engine")
@@ -7,7 +7,11 @@
     start = np.column_stack([hits["instance_id"], hits["primitive_id"]])
     scene.occluded(points, to_light, exclude=start)    # shadow rays: bool [N]
     scene.move({4: matrix})                            # [3, 4] or [4, 4], world from object
+    scene.visible(points, to_points)                   # bool [N]
+    scene.sense("lidar", {"eye": [0, 2, 0], "target": [0, 2, -1]}, max_range=120,
+                elevations_deg={"from": -15, "to": 15, "count": 16}, azimuth={"step_deg": 0.2})
     open("picture.png", "wb").write(scene.render(width_px=800, height_px=600))
+    open("now.glb", "wb").write(scene.export())        # create_scene makes the same scene of it
 
     job = scene.start_render(width_px=4096, height_px=4096, samples=64)
     for state in job.events():                         # {"state": "running", "progress": 0.42, ...}
@@ -22,67 +26,16 @@ A ray that hits nothing has t = inf, status 0 and ids NO_ID; an invalid ray has 
 """
 
 import json
-import struct
 import urllib.error
 import urllib.parse
 import urllib.request
 from pathlib import Path
 
 import numpy as np
+from gridcast_wire import (GLB_TYPE, HITS_TYPE, INSTANCES_TYPE, NO_ID, POINTS_TYPE, VERTICES_TYPE, GridcastError,
+                           decode_columns, encode_pairs, encode_rays)
 
-NO_ID = 0xFFFFFFFF
-RAYS_TYPE = "application/vnd.gridcast.rays"
-POINTS_TYPE = "application/vnd.gridcast.points"
-HITS_TYPE = "application/vnd.gridcast.hits"
-VERTICES_TYPE = "application/vnd.gridcast.vertices"
-INSTANCES_TYPE = "application/vnd.gridcast.instances"
-DTYPES = {"F64": "<f8", "F32": "<f4", "U64": "<u8", "U32": "<u4", "I32": "<i4", "U8": "u1"}
-
-
-class GridcastError(Exception):
-    """The server refused: `status` (HTTP), `code` (stable), `detail` (a sentence), `pointer` (where)."""
-
-    def __init__(self, status, problem):
-        self.status = status
-        self.code = problem.get("code", "unknown")
-        self.detail = problem.get("detail", "")
-        self.pointer = problem.get("pointer", "")
-        super().__init__(f"{status} {self.code} {self.pointer}: {self.detail}")
-
-
-def decode_columns(body):
-    """The columns of a binary answer as {name: array} without copying, and its metadata (text values)."""
-    (length,) = struct.unpack_from("<Q", body)
-    head = json.loads(bytes(body[8:8 + length]))
-    metadata = head.pop("__metadata__", {})
-    columns = {}
-    for name, column in head.items():
-        begin, end = column["data_offsets"]
-        data = memoryview(body)[8 + length + begin:8 + length + end]
-        columns[name] = np.frombuffer(data, DTYPES[column["dtype"]]).reshape(column["shape"])
-    return columns, metadata
-
-
-def encode_rays(origins, directions, tnear=None, tfar=None, dtype=np.float64, exclude=None):
-    """(media type, bytes) of rays: origins and directions [N, 3] or [3], tnear and tfar [N] or scalars, exclude
-    [N, 2] or [2]: the instance_id and primitive_id that each ray must not hit, NO_ID in both for none."""
-    origins, directions = np.broadcast_arrays(np.atleast_2d(origins), np.atleast_2d(directions))
-    count = len(origins)
-    if tnear is None and tfar is None:
-        rows = np.concatenate([origins, directions], axis=1)
-    else:
-        near = np.broadcast_to(0.0 if tnear is None else tnear, count)
-        far = np.broadcast_to(np.inf if tfar is None else tfar, count)
-        rows = np.column_stack([origins, near, directions, far])
-    kind = np.dtype(dtype)
-    if kind not in (np.float32, np.float64):
-        raise ValueError("rays are float32 or float64")
-    media_type = f"{RAYS_TYPE}; dtype={kind.name}; columns={rows.shape[1]}"
-    body = np.ascontiguousarray(rows, kind.newbyteorder("<")).tobytes()
-    if exclude is None:
-        return media_type, body
-    ids = np.ascontiguousarray(np.broadcast_to(exclude, (count, 2)), "<u4")
-    return media_type + "; exclude=ids", ids.tobytes() + body
+__all__ = ["NO_ID", "GridcastError", "Job", "Scene", "Service", "decode_columns", "encode_rays"]
 
 
 class Service:
@@ -135,7 +88,7 @@ class Service:
         """A new scene of a GLB: a path, or its bytes. quality="fast" builds sooner, for somewhat slower rays."""
         data = glb if isinstance(glb, (bytes, bytearray)) else Path(glb).read_bytes()
         query = {"name": name, "structure": structure, "quality": quality, "scene": gltf_scene}
-        return self._create(query, bytes(data), "model/gltf-binary")
+        return self._create(query, bytes(data), GLB_TYPE)
 
     def create_empty(self, name):
         """A new scene without meshes."""
@@ -228,6 +181,11 @@ class Scene:
             yield from page["instances"]
             offset = page["next_offset"]
 
+    def export(self):
+        """The scene as it stands as the bytes of a GLB: meshes in their present pose, one node for each instance,
+        materials, cameras, lights. create_scene makes a scene of it that answers with the same bits."""
+        return self._call("GET", "/export", accept=GLB_TYPE)
+
     def delete(self, if_version=None):
         """Forgets the scene on the server."""
         self._call("DELETE", "", if_version=if_version)
@@ -242,7 +200,7 @@ class Scene:
         "normal": f4 [N, 3]}, or status, t and the `fields` asked for. `fields=["t_error"]` adds a certified bound,
         f8 [N]: the exact t of the reported triangle is within t_error of t, inf where nothing can be promised.
         """
-        query = {"precision": precision, "fields": ",".join(fields) if fields is not None else None,
+        query = {"precision": precision, "fields": _names(fields),
                  "deadline_ms": deadline_ms, "mask": mask}
         return self._rays("closest", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
 
@@ -258,7 +216,7 @@ class Scene:
         """Every hit of every ray, by (t, instance_id, primitive_id): the columns of closest, a row per hit, with
         "status" u1 [N] (3: there are more than max_hits) and "splits" u8 [N + 1]: the hits of ray i are rows
         splits[i]:splits[i + 1]."""
-        query = {"max_hits": max_hits, "precision": precision, "fields": ",".join(fields) if fields is not None else None,
+        query = {"max_hits": max_hits, "precision": precision, "fields": _names(fields),
                  "deadline_ms": deadline_ms, "mask": mask}
         return self._rays("all", encode_rays(origins, directions, tnear, tfar, dtype, exclude), query)
 
@@ -269,16 +227,56 @@ class Scene:
         rays = encode_rays(origins, directions, tnear, tfar, dtype, exclude)
         return self._rays("count", rays, {"deadline_ms": deadline_ms, "mask": mask})
 
-    def closest_points(self, points, max_distance=None, deadline_ms=None, mask=None):
+    def closest_points(self, points, max_distance=None, deadline_ms=None, mask=None, *, fields=None):
         """The nearest surface points of points [N, 3]: {"distance": f8 [N], "position": f8 [N, 3], "instance_id",
-        "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2], "status": u1 [N]}; distance inf where there is none."""
-        return self._points("closest", points, {"max_distance": max_distance, "deadline_ms": deadline_ms, "mask": mask})
+        "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2], "status": u1 [N]}, or status, distance and the `fields`
+        asked for; distance inf where there is none."""
+        return self._points("closest", points, {"max_distance": max_distance, "fields": _names(fields),
+                                                "deadline_ms": deadline_ms, "mask": mask})
 
-    def inside(self, points, deadline_ms=None, mask=None):
+    def inside(self, points, deadline_ms=None, mask=None, *, fields=None):
         """What points [N, 3] are inside of: {"place": u1 [N] (0 outside, 1 inside, 2 on a triangle, 3 unknown, 4
         invalid), "splits": u8 [N + 1], and by row "instance_id", "mesh_id", "winding", "on_boundary";
-        "open_meshes"}."""
-        return self._points("inside", points, {"deadline_ms": deadline_ms, "mask": mask})
+        "open_meshes"}, or place and the `fields` asked for."""
+        return self._points("inside", points, {"fields": _names(fields), "deadline_ms": deadline_ms, "mask": mask})
+
+    def visible(self, start, end, *, exclude=None, target=None, margin=None, precision=None, deadline_ms=None,
+                mask=None):
+        """Whether the points of every pair, start and end [N, 3], see each other: bool [N]; a pair with a point that
+        is not finite does not. See `blockers` for the options."""
+        query = {"margin": margin, "blocker": "false", "precision": precision, "deadline_ms": deadline_ms, "mask": mask}
+        return self._pairs(start, end, exclude, target, query)["status"] == 0
+
+    def blockers(self, start, end, *, exclude=None, target=None, margin=None, precision=None, fields=None,
+                 deadline_ms=None, mask=None):
+        """What is first between the points of every pair, start and end [N, 3].
+
+        `exclude` [N, 2]: the instance_id and primitive_id that each start lies on, NO_ID in both for none; `target` the
+        same of the ends. What is nearer than `margin` metres to one of the points does not block. Returns {"status": u1
+        [N] (0 they see each other, 1 blocked, 4 invalid), "t": f8 [N], the part of the way, inf without a blocker,
+        "instance_id", "primitive_id": u4 [N]}, or status, t and the `fields` asked for, of those of `closest`.
+        """
+        query = {"margin": margin, "precision": precision, "fields": _names(fields), "deadline_ms": deadline_ms, "mask": mask}
+        return self._pairs(start, end, exclude, target, query)
+
+    def sense(self, kind, pose, *, fields=None, precision=None, deadline_ms=None, mask=None, **settings):
+        """What a sensor sees: its rays are made by the server and answered as `closest` does, or as `all_hits` does with
+        max_returns above 1.
+
+        `kind`: "pinhole" (width_px, height_px, yfov_deg), "fisheye" (width_px, height_px, fov_deg), "orthographic"
+        (width_px, height_px, height), "lidar" (elevations_deg, azimuth) or "grid" (columns, rows, spacing). `pose`:
+        {"eye": [3], "target": [3], "up": [3]}, or a [3, 4] or [4, 4] matrix, world from sensor; a sensor looks along its
+        -z with +y up. More settings: max_range, max_returns, noise={"sigma": metres, "seed": int}.
+        """
+        if not isinstance(pose, dict):
+            pose = {"transform": np.asarray(pose, float)[:3].tolist()}
+        query = {"precision": precision, "fields": _names(fields), "deadline_ms": deadline_ms, "mask": mask}
+        body = {"type": kind, "pose": pose} | settings
+        return decode_columns(self._call("POST", "/sensors" + _query(query), body, accept=HITS_TYPE))[0]
+
+    def _pairs(self, start, end, exclude, target, query):
+        media_type, body = encode_pairs(start, end, exclude, target)
+        return decode_columns(self._call("POST", "/visibility" + _query(query), body, media_type, HITS_TYPE))[0]
 
     def _points(self, kind, points, query):
         body = np.ascontiguousarray(np.atleast_2d(points), "<f8").tobytes()
@@ -392,6 +390,8 @@ class Scene:
 def _given(**members):
     plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in members.items()}
     return {name: value for name, value in plain.items() if value is not None}
+def _names(fields):
+    return None if fields is None else ",".join(fields)
 
 
 def _query(parameters):

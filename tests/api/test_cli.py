@@ -201,7 +201,7 @@ def test_work_that_fails_is_1_and_says_why(run, model, tmp_path, arguments):
 
 def test_help_shows_every_command(run):
     text = run("--help").stdout.decode()
-    for command in ("serve", "cast", "render", "play", "info", "bench", "chart"):
+    for command in ("serve", "cast", "render", "play", "export", "info", "bench", "chart"):
         assert command in text
         assert run(command, "--help").returncode == DONE
     assert run("--version").stdout.startswith(b"gridcast ")

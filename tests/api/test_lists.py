@@ -118,7 +118,38 @@ def test_points_in_both_formats(box):
     assert box.post("/points/closest", {"points": [[0, 3, 0]], "max_distance": 2}).json()["position"] == [[0, 1, 0]]
 
 
+def test_points_have_the_columns_that_are_asked_for(box):
+    points = np.array([[0, 0, 0], [0, 3, 0]], float)
+    media_type = f"{POINTS}; dtype=float64"
+    whole = box.post("/points/closest", points.tobytes(), media_type).columns()
+    some = box.post("/points/closest?fields=position,mesh_id", points.tobytes(), media_type).columns()
+    assert some.keys() == {"distance", "status", "position", "mesh_id"}
+    assert all(some[name].tobytes() == whole[name].tobytes() for name in some)
+    body = {"points": points.tolist(), "fields": ["uv"]}
+    assert box.post("/points/closest", body).json().keys() == {"scene_version", "status", "distance", "uv"}
+    assert box.post("/points/closest?fields=", body).json().keys() == {"scene_version", "status", "distance"}
+    place = box.post("/points/inside?fields=place", points.tobytes(), media_type).columns()
+    assert place.keys() == {"place"} and place["place"].tolist() == [1, 0]
+    rows = box.post("/points/inside", {"points": points.tolist(), "fields": ["winding", "open_meshes"]}).json()
+    del rows["scene_version"]
+    assert rows == {"place": [1, 0], "splits": [0, 1, 1], "winding": [1], "open_meshes": []}
+
+
+@pytest.mark.parametrize("path, names", [
+    ("/points/closest", ["status", "distance", "position", "uv", "instance_id", "mesh_id", "primitive_id"]),
+    ("/points/inside", ["place", "splits", "instance_id", "mesh_id", "winding", "on_boundary", "open_meshes"]),
+])
+def test_columns_that_do_not_exist_are_refused_with_the_list(box, path, names):
+    for query, body, pointer in [("?fields=t", {"points": []}, "?fields"), ("", {"points": [], "fields": ["t"]}, "/fields/0")]:
+        reply = box.post(path + query, body)
+        assert reply.status == 422 and reply.problem() == ("invalid_value", pointer)
+        assert all(name in reply.json()["detail"] for name in names)
+    assert box.post(path, {"points": [], "fields": names}).status == 200
+
+
 @pytest.mark.parametrize("path, body, media_type, status, code, pointer", [
+    ("/points/closest", {"points": [], "fields": "uv"}, None, 422, "wrong_type", "/fields"),
+    ("/points/inside", {"points": [], "fields": [7]}, None, 422, "wrong_type", "/fields/0"),
     ("/points/closest", {"points": [[0, 0]]}, None, 422, "wrong_length", "/points/0"),
     ("/points/closest", {}, None, 422, "missing_field", "/points"),
     ("/points/closest", {"points": [], "max_distance": -1}, None, 422, "out_of_range", "/max_distance"),

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import subprocess
 import sys
 
 import numpy as np
@@ -13,6 +14,7 @@ from conftest import ROOT
 
 @pytest.fixture(scope="module")
 def library():
+    sys.path.append(str(ROOT / "proto/python"))  # behind the tests' own gridcast_client
     spec = importlib.util.spec_from_file_location("shipped_client", ROOT / "proto/python/gridcast_client.py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
@@ -64,6 +66,80 @@ def test_it_lists_counts_and_asks_about_points(row):
     assert row.inside([[0, 0, 0], [0, 10, 0]])["place"].tolist() == [1, 0]
     assert row.closest_points([0, 10, 0])["distance"][0] == pytest.approx(9.0)
     assert row.closest_points([0, 10, 0], max_distance=5.0)["status"].tolist() == [0]
+
+
+def test_it_asks_for_some_columns_of_points(row):
+    points = [[0, 0, 0], [0, 10, 0]]
+    assert row.closest_points(points, fields=["position"]).keys() == {"status", "distance", "position"}
+    assert row.closest_points(points, fields=[]).keys() == {"status", "distance"}
+    assert row.inside(points, fields=["instance_id"]).keys() == {"place", "splits", "instance_id"}
+    assert row.inside(points)["splits"].tolist() == [0, 1, 1]
+
+
+def test_it_asks_what_sees_what(row, library):
+    start, end = [[0.1, 10, 0.2], [0, 10, 0], [0, 10, 90]], [[0.1, -10, 0.2], [0, 2, 0], [9, 9, 90]]
+    assert row.visible(start, end).tolist() == [False, True, True]
+    first = row.blockers(start, end)
+    assert first.keys() == {"status", "t", "instance_id", "primitive_id"}
+    assert first["status"].tolist() == [1, 0, 0] and first["t"][0] == pytest.approx(0.45, abs=0.01) and first["t"][1] == np.inf
+    assert first["instance_id"].tolist() == [0, library.NO_ID, library.NO_ID]
+    assert row.blockers(start, end, fields=["normal"])["normal"].shape == (3, 3)
+    ref = np.column_stack([first["instance_id"], first["primitive_id"]])
+    beyond = row.blockers(start, end, exclude=ref)
+    assert beyond["t"][0] > first["t"][0] and beyond["status"].tolist() == [1, 0, 0]
+    top = np.array([0.1, 10, 0.2])
+    seen = row.closest(top, [0, -1, 0])
+    at = top - [0, seen["t"][0], 0]
+    assert row.visible(top, at, target=[0, seen["primitive_id"][0]]).tolist() == [True]
+    assert row.visible([0, 10, 0], [0, 0.9, 0]).tolist() == [False]
+    assert row.visible([0, 10, 0], [0, 0.9, 0], margin=0.2).tolist() == [True]
+    assert row.visible([np.nan, 0, 0], [0, 0, 0]).tolist() == [False]
+    with pytest.raises(library.GridcastError) as refused:
+        row.visible([0, 0, 0], [1, 1, 1], margin=-1.0)
+    assert (refused.value.status, refused.value.code, refused.value.pointer) == (422, "out_of_range", "?margin")
+
+
+def test_it_senses(row, library):
+    pose = np.eye(4)
+    pose[2, 3] = 10.0
+    grid = row.sense("grid", pose, columns=3, rows=1, spacing=[3.0, 3.0])
+    rays = row.closest([[-3, 0, 10], [0, 0, 10], [3, 0, 10]], [0, 0, -1])
+    for name in rays:
+        assert grid[name].tobytes() == rays[name].tobytes(), name
+    scan = row.sense("lidar", {"eye": [-6, 0, 0], "target": [0, 0, 0]}, elevations_deg=[0], azimuth={"step_deg": 45},
+                     max_returns=2, fields=["instance_id"])
+    assert scan["splits"].tolist()[-1] == len(scan["t"]) and scan["status"][0] == 3 and "normal" not in scan
+    with pytest.raises(library.GridcastError) as refused:
+        row.sense("sonar", pose)
+    assert (refused.value.status, refused.value.code, refused.value.pointer) == (422, "invalid_value", "/type")
+
+
+def test_it_exports_what_makes_the_same_scene(row):
+    row.move({1: np.array([[0.5, 0.1, 0, 1 / 3], [0, 0.7, 0.2, 0.1], [0, 0, 1, 4]])})
+    copy = row.service.create_scene(row.export(), name="python-exported")
+    try:
+        rays = models.random_rays(500, seed=9)
+        before, after = (scene.closest(rays[:, :3], rays[:, 3:]) for scene in (row, copy))
+        assert all(before[name].tobytes() == after[name].tobytes() for name in before)
+    finally:
+        copy.delete()
+
+
+def test_a_token_goes_with_every_request(library, start_server, binary, tmp_path):
+    tokens = tmp_path / "tokens"
+    made = subprocess.run([binary, "token", "new", "--name", "lab", "--role", "write", "--append", str(tokens)],
+                          capture_output=True, text=True, timeout=20, check=True)
+    server = start_server("--tokens", str(tokens))
+    with pytest.raises(library.GridcastError) as refused:
+        library.Service(server.url).info()
+    assert (refused.value.status, refused.value.code) == (401, "unauthorized")
+    with pytest.raises(library.GridcastError) as refused:
+        library.Service(server.url, token="guessed").create_scene(models.one_box())
+    assert refused.value.code == "unauthorized"
+    scene = library.Service(server.url, token=made.stdout.split()[0]).create_scene(models.one_box())
+    assert scene.visible([0, 9, 0], [0, -9, 0]).tolist() == [False]
+    assert list(scene.start_render(width_px=8, height_px=8).events())[-1]["state"] == "done"
+    assert scene.export().startswith(b"glTF")
 
 
 def test_it_moves_deforms_and_renders(row):
