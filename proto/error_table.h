@@ -50,6 +50,9 @@ enum class ProblemCode : std::uint8_t {
   kNameTaken,
   kCannotRefit,
   kVersionMismatch,
+  kVersionNotFound,
+  kVersionGone,
+  kLogGone,
   kJobNotDone,
   kJobCancelled,
   // the server

@@ -40,6 +40,9 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"idempotency_bytes", limits.idempotency_bytes},
           {"idempotency_keep_ms", limits.idempotency_keep_ms},
           {"memory_budget_bytes", limits.memory_budget_bytes},
+          {"kept_versions", limits.kept_versions},
+          {"log_bytes", limits.log_bytes},
+          {"log_lines", limits.log_lines},
           {"event_streams", limits.event_streams}};
 }
 

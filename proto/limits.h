@@ -61,6 +61,14 @@ struct Limits {
   /// Of the whole process: what adds to scenes and large bodies are refused at 85 %, all new work at 95 %.
   /// 0: no budget.
   std::uint64_t memory_budget_bytes = 0;
+  /// Versions of a scene that can be asked for by number, the newest among them. They share what no update
+  /// changed; at 70 % of the memory budget the older ones go.
+  std::size_t kept_versions = 4;
+  /// Of a scene's log of updates, as it is in memory: thousands of moves, or a few frames of a mesh of
+  /// 100,000 vertices. The oldest versions go first, all of it at 70 % of the memory budget.
+  std::size_t log_bytes = std::size_t(8) << 20;
+  /// Versions in one answer of the log, which also ends where it has more than json_bytes.
+  std::size_t log_lines = 10'000;
   /// Open streams of events: each holds a connection's thread.
   std::size_t event_streams = 16;
 };

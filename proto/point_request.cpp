@@ -14,7 +14,8 @@ namespace {
 
 /// That of points/closest comes last.
 constexpr std::array<std::string_view, 5> kMembers{"points", "deadline_ms", "fields", "mask", "max_distance"};
-constexpr std::array<std::string_view, 4> kParameters{"deadline_ms", "fields", "mask", "max_distance"};
+constexpr std::array<std::string_view, 5> kParameters{"deadline_ms", "fields", "mask", kAtVersion,
+                                                      "max_distance"};
 
 /// The columns that answers to a question have, by name.
 struct FieldNames {
@@ -71,7 +72,7 @@ std::optional<Problem> parse_json(std::string_view body, const Limits& limits, P
 
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    PointQuestion question, PointRequest& request) {
-  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 4 : 3));
+  QueryReader query(parameters, std::span(kParameters).first(question == PointQuestion::kClosest ? 5 : 4));
   const FieldNames columns = field_names(question);
   request.fields = read_query_fields(query, columns.names, columns.parse, request.fields);
   if (const auto distance = query.number("max_distance", 0.0, std::numeric_limits<double>::max()))

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 
 #include "proto/json_pointer.h"
 #include "proto/json_reader.h"
@@ -82,8 +83,19 @@ std::optional<Problem> check_query(const QueryParameters& parameters,
   return QueryReader(parameters, known).problem();
 }
 
+Parsed<std::optional<std::uint64_t>> parse_at_version(const QueryParameters& query) {
+  const auto given =
+      std::find_if(query.begin(), query.end(), [](const auto& p) { return p.first == kAtVersion; });
+  if (given == query.end()) return std::optional<std::uint64_t>();
+  const QueryParameters alone{*given};
+  QueryReader reader(alone, {kAtVersion});
+  const std::uint64_t version = reader.integer(kAtVersion, 1, std::numeric_limits<std::uint64_t>::max(), 0);
+  if (reader.problem()) return *reader.problem();
+  return std::optional(version);
+}
+
 Parsed<Page> parse_page(const QueryParameters& query, std::size_t max_limit) {
-  QueryReader reader(query, {"offset", "limit"});
+  QueryReader reader(query, {"offset", "limit", kAtVersion});
   Page page;
   page.offset = reader.integer("offset", 0, 0xFFFFFFFFU, page.offset);
   page.limit = reader.integer("limit", 1, max_limit, std::min(page.limit, max_limit));

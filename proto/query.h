@@ -48,7 +48,12 @@ class QueryReader {
 [[nodiscard]] std::optional<Problem> check_query(const QueryParameters& parameters,
                                                  std::initializer_list<std::string_view> known = {});
 
-/// `?offset=&limit=` of lists.
+/// What every read of a scene knows beside its own parameters.
+inline constexpr std::string_view kAtVersion = "at_version";
+/// `?at_version=V`, 1 or more; nothing when it is absent. Repetition is for the reader of all parameters.
+[[nodiscard]] Parsed<std::optional<std::uint64_t>> parse_at_version(const QueryParameters& query);
+
+/// `?offset=&limit=` of lists of one version.
 struct Page {
   std::size_t offset = 0;
   std::size_t limit = 1000;

@@ -23,15 +23,15 @@ constexpr std::size_t kTfarColumn = 7;
 constexpr std::array<std::string_view, 12> kListMembers{"origins",     "directions", "tnear",    "tfar",
                                                         "exclude",     "precision",  "fields",   "stats",
                                                         "deadline_ms", "mask",       "max_hits", "after"};
-constexpr std::array<std::string_view, 6> kListParameters{"precision",   "fields", "stats",
-                                                          "deadline_ms", "mask",   "max_hits"};
+constexpr std::array<std::string_view, 7> kListParameters{"precision", "fields",   "stats",   "deadline_ms",
+                                                          "mask",      kAtVersion, "max_hits"};
 std::span<const std::string_view> known_members(RayQuestion question) {
   const std::span all(kListMembers);
   return question == RayQuestion::kAll ? all : all.first(10);
 }
 std::span<const std::string_view> known_parameters(RayQuestion question) {
   const std::span all(kListParameters);
-  return question == RayQuestion::kAll ? all : all.first(5);
+  return question == RayQuestion::kAll ? all : all.first(6);
 }
 
 /// Why a question is not answered in a precision; empty when it is.

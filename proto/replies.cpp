@@ -37,6 +37,11 @@ Json scene_json(const SceneInfo& info) {
                {"import_ms", info.import_ms},
                {"build_ms", info.build_ms},
                {"warnings", info.warnings}};
+  if (const auto& kept = info.kept) {
+    json["kept_versions"] = {{"oldest", std::to_string(kept->oldest)},
+                             {"newest", std::to_string(kept->newest)}};
+    json["log_since"] = std::to_string(kept->log_since);
+  }
   if (!info.rig) return json;
   json["animations"] = Json::array();
   for (const SceneInfo::Animation& animation : info.rig->animations)

@@ -56,6 +56,14 @@ struct SceneInfo {
     std::vector<Skin> skins;
   };
   std::optional<Rig> rig;
+  /// Versions that can be asked for, none missing between them, and since which the log tells all; of a
+  /// server's scene.
+  struct Kept {
+    std::uint64_t oldest = 0;
+    std::uint64_t newest = 0;
+    std::uint64_t log_since = 0;
+  };
+  std::optional<Kept> kept;
 };
 
 /// A bottom-level structure, in GET structure and in a mesh.

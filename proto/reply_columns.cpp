@@ -27,6 +27,16 @@ nlohmann::ordered_json stats_json(const RayStats& stats) {
 
 }  // namespace
 
+void JsonText::narrowed(float value) {
+  const std::size_t begin = text_.size();
+  number(value);
+  double read = 0.0;
+  std::from_chars(text_.data() + begin, text_.data() + text_.size(), read);
+  if (float(read) == value) return;
+  text_.resize(begin);
+  number(double(value));
+}
+
 void write_version(JsonText& text, const ReplyHead& head) {
   text.raw("{\"scene_version\":\"");
   text.number(head.scene_version);

@@ -26,10 +26,19 @@ class JsonText {
     constexpr std::size_t kLongest = 32;  // "-2.2250738585072014e-308" has 24
     char buffer[kLongest];
     char* end = std::to_chars(buffer, buffer + kLongest, value).ptr;
-    text_.append(buffer, std::size_t(end - buffer));
-    // "-0" is an integer to most readers and would lose its sign.
-    if (std::is_floating_point_v<T> && value == T(0) && std::signbit(double(value))) text_.append(".0");
+    const std::string_view digits(buffer, std::size_t(end - buffer));
+    text_.append(digits);
+    // Digits alone are an integer to most readers: "-0" would lose its sign, and one of more than 64 bits is
+    // refused by some.
+    if constexpr (std::is_floating_point_v<T>) {
+      const bool is_negative_zero = value == T(0) && std::signbit(value);
+      const bool is_long = std::abs(value) > T(1ULL << 53U) && digits.find('e') == digits.npos;
+      if (is_negative_zero || is_long) text_.append(".0");
+    }
   }
+  /// As the shortest text that gives these bits to whoever reads it as a double first, too: few floats need
+  /// more digits for that (7.038531e-26 would be rounded twice, to its neighbour).
+  void narrowed(float value);
   [[nodiscard]] std::size_t size() const { return text_.size(); }
   [[nodiscard]] std::string take() && { return std::move(text_); }
 

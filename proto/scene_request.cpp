@@ -141,7 +141,7 @@ Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits&
 }
 
 Parsed<std::string> parse_fork_query(const QueryParameters& query) {
-  QueryReader reader(query, {"name"});
+  QueryReader reader(query, {"name", kAtVersion});
   const std::string* name = reader.find("name");
   if (name != nullptr && !is_scene_name(*name))
     reader.fail(ProblemCode::kInvalidValue, "name", std::string(kSceneNameRule));

@@ -189,7 +189,7 @@ Parsed<SensorRequest> parse_sensor_request(std::string_view text, const QueryPar
     return read;
   });
   if (!request) return request;
-  QueryReader query(parameters, {"precision", "fields", "stats", "deadline_ms", "mask"});
+  QueryReader query(parameters, {"precision", "fields", "stats", "deadline_ms", "mask", kAtVersion});
   apply_ray_options(query, limits, request->options);
   if (query.problem()) return *query.problem();
   if (request->noise_sigma > 0.0 && has(request->options.fields, HitField::kTError))

@@ -15,7 +15,7 @@ std::optional<std::string> write_vertices_json(std::span<const Vec3f> positions,
     text.raw(before);
     for (int c = 0; c < 3; ++c) {
       if (c > 0) text.raw(",");
-      text.number(position[c]);
+      text.narrowed(position[c]);
     }
     before = "],[";
     if (text.size() > max_bytes) return std::nullopt;

@@ -59,7 +59,8 @@ std::optional<Problem> parse_json(std::string_view text, const Limits& limits, V
 
 std::optional<Problem> apply_query(const QueryParameters& parameters, const Limits& limits,
                                    VisibilityRequest& request) {
-  QueryReader query(parameters, {"margin", "blocker", "precision", "fields", "stats", "deadline_ms", "mask"});
+  QueryReader query(parameters,
+                    {"margin", "blocker", "precision", "fields", "stats", "deadline_ms", "mask", kAtVersion});
   apply_ray_options(query, limits, request.options);
   if (const auto margin = query.number("margin", 0.0, std::numeric_limits<double>::max()))
     request.margin = *margin;

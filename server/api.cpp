@@ -29,14 +29,16 @@ Api::Api(const proto::Limits& limits_in_force, std::size_t thread_count,
     : limits(limits_in_force),
       archive(std::move(scene_archive)),
       trees(thread_count),
-      store(limits.scenes, archive.get(), &trees),
+      store(limits.scenes, archive.get(), &trees, {limits.kept_versions, limits.log_bytes}),
       memory(limits.memory_budget_bytes),
       gate(thread_count + 1),
       update_gate(thread_count + 1),
       kept_answers(limits.idempotency_keys, limits.idempotency_bytes,
                    std::chrono::duration<double, std::milli>(limits.idempotency_keep_ms)),
       threads(thread_count),
-      jobs(limits, gate, job_workers(thread_count), log_job) {}
+      jobs(limits, gate, job_workers(thread_count), log_job) {
+  memory.set_relief([this] { store.drop_history(); });
+}
 
 Router make_router(Api& api) {
   Router router;
@@ -47,6 +49,7 @@ Router make_router(Api& api) {
   add_instance_routes(router, api);
   add_transaction_routes(router, api);
   add_pose_routes(router, api);
+  add_log_routes(router, api);
   add_ray_routes(router, api);
   add_point_routes(router, api);
   add_visibility_routes(router, api);
@@ -58,10 +61,20 @@ Router make_router(Api& api) {
 }
 
 std::variant<OpenScene, Problem> open_scene(const Api& api, const HttpRequest& request) {
+  const auto at_version = proto::parse_at_version(request.query);
+  if (!at_version) return at_version.problem();
   auto named = api.store.find(request.capture("s"));
   if (!named) return api.store.why_missing(request.capture("s"));
-  auto snapshot = named->snapshot();
-  return OpenScene{std::move(named), std::move(snapshot)};
+  if (!*at_version) {
+    auto newest = named->snapshot();
+    return OpenScene{std::move(named), std::move(newest)};
+  }
+  auto snapshot = named->snapshot_at(**at_version);
+  if (auto* problem = std::get_if<Problem>(&snapshot)) {
+    problem->pointer = std::string("?").append(proto::kAtVersion);
+    return std::move(*problem);
+  }
+  return OpenScene{std::move(named), std::get<0>(std::move(snapshot))};
 }
 
 std::optional<std::uint32_t> parse_id(std::string_view text) {
@@ -107,7 +120,7 @@ double Timing::mark(std::string_view phase) {
 }
 
 std::variant<scene::UpdateResult, Problem> update_scene(
-    Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
+    Api& api, NamedScene& named, const HttpRequest& request, const SharedEdits& edits,
     const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of) {
   auto result = named.update(request.header("if-match"), edits, cancellation.token());
   if (auto* problem = std::get_if<Problem>(&result)) return std::move(*problem);

@@ -53,6 +53,7 @@ void add_mesh_routes(Router& router, Api& api);
 void add_instance_routes(Router& router, Api& api);
 void add_transaction_routes(Router& router, Api& api);
 void add_pose_routes(Router& router, Api& api);
+void add_log_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
 void add_point_routes(Router& router, Api& api);
 void add_visibility_routes(Router& router, Api& api);
@@ -67,7 +68,8 @@ struct OpenScene {
   std::shared_ptr<NamedScene> named;
   std::shared_ptr<const scene::Scene> scene;
 };
-/// The scene of the path's {s}.
+/// The scene of the path's {s}, at the version that the query asks for (?at_version) or at its newest. Writes
+/// refuse that parameter as one that they do not know.
 [[nodiscard]] std::variant<OpenScene, proto::Problem> open_scene(const Api& api, const HttpRequest& request);
 
 /// An id in a path: digits only, below 2^32 - 1.
@@ -104,8 +106,22 @@ class Timing {
 /// Applies edits under If-Match; `pointer_of` maps a pointer of core's (`/edits/2/...`) to the request's
 /// shape.
 [[nodiscard]] std::variant<scene::UpdateResult, proto::Problem> update_scene(
-    Api& api, NamedScene& named, const HttpRequest& request, const std::vector<scene::SceneEdit>& edits,
+    Api& api, NamedScene& named, const HttpRequest& request, const SharedEdits& edits,
     const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of);
+[[nodiscard]] inline std::variant<scene::UpdateResult, proto::Problem> update_scene(
+    Api& api, NamedScene& named, const HttpRequest& request, std::vector<scene::SceneEdit> edits,
+    const Cancellation& cancellation, const std::function<std::string(const std::string&)>& pointer_of) {
+  return update_scene(api, named, request,
+                      std::make_shared<const std::vector<scene::SceneEdit>>(std::move(edits)), cancellation,
+                      pointer_of);
+}
+
+/// An initializer list would copy what an edit holds.
+[[nodiscard]] inline std::vector<scene::SceneEdit> one_edit(scene::SceneEdit edit) {
+  std::vector<scene::SceneEdit> edits;
+  edits.push_back(std::move(edit));
+  return edits;
+}
 
 /// The handler of a request that changes something: with an Idempotency-Key it does its work once, and who
 /// sends the same again gets the same answer.

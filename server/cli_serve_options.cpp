@@ -46,6 +46,19 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
          "at 95 %; 0 = no budget. The default is what the machine or the container has")
       ->capture_default_str()
       ->group(group);
+  app.add_option("--keep-versions", limits.kept_versions,
+                 "Versions of a scene that can be asked for by number, the newest among them; at 70 % of the "
+                 "memory budget the older ones go")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000))
+      ->group(group);
+  app.add_option(
+         "--log-bytes", limits.log_bytes,
+         "Updates of a scene that its log tells, in bytes of memory; the oldest go first, all of them "
+         "at 70 % of the memory budget; 0 = no log")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber)
+      ->group(group);
   add("--max-event-streams", limits.event_streams,
       "Streams of events at once; at most a quarter of the connections");
 }

@@ -89,6 +89,13 @@ proto::SceneInfo scene_info(const std::string& id, const SceneOrigin& origin, co
   return info;
 }
 
+proto::SceneInfo scene_info(const NamedScene& named, const scene::Scene& scene) {
+  proto::SceneInfo info = scene_info(named.id(), named.origin(), scene);
+  const NamedScene::Kept kept = named.kept();
+  info.kept = {kept.oldest, kept.newest, kept.log_since};
+  return info;
+}
+
 proto::MeshStructureInfo mesh_structure_info(const scene::Scene& scene, std::uint32_t mesh_id) {
   const blas::Blas& blas = scene.blas(mesh_id);
   const blas::StructureStats& stats = blas.stats();

@@ -12,6 +12,8 @@ namespace gridcast::server {
 
 [[nodiscard]] proto::SceneInfo scene_info(const std::string& id, const SceneOrigin& origin,
                                           const scene::Scene& scene);
+/// With what the server keeps of it now.
+[[nodiscard]] proto::SceneInfo scene_info(const NamedScene& named, const scene::Scene& scene);
 [[nodiscard]] proto::MeshStructureInfo mesh_structure_info(const scene::Scene& scene, std::uint32_t mesh_id);
 
 /// kCounted analyses the mesh's topology: slow on large meshes.

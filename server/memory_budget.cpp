@@ -13,6 +13,7 @@
 namespace gridcast::server {
 namespace {
 
+constexpr double kReliefShare = 0.70;
 constexpr double kTightShare = 0.85;
 constexpr double kFullShare = 0.95;
 constexpr std::uint64_t kNoLimit = std::numeric_limits<std::uint64_t>::max();
@@ -57,9 +58,17 @@ MemoryBudget::~MemoryBudget() {
 
 MemoryBudget::Level MemoryBudget::level(std::uint64_t more) const {
   if (bytes_ == 0) return Level::kFree;
-  const double share = (double(used()) + double(more)) / double(bytes_);
+  double share = share_with(more);
+  if (share >= kReliefShare && relief_) {
+    relief_();
+    share = share_with(more);
+  }
   if (share >= kFullShare) return Level::kFull;
   return share >= kTightShare ? Level::kTight : Level::kFree;
+}
+
+double MemoryBudget::share_with(std::uint64_t more) const {
+  return (double(used()) + double(more)) / double(bytes_);
 }
 
 std::uint64_t MemoryBudget::used() const {

@@ -2,6 +2,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <utility>
 
 namespace gridcast::server {
 
@@ -23,6 +25,11 @@ class MemoryBudget {
   /// Where the process would be with `more` bytes on top of what it holds.
   [[nodiscard]] Level level(std::uint64_t more = 0) const;
 
+  /// `relief` gives up what is kept in hope of use alone. It is run by level(), before that tells, where the
+  /// process would be at 70 % or more: so what it gives up never has a request refused. Any thread may run
+  /// it. Set before others call.
+  void set_relief(std::function<void()> relief) { relief_ = std::move(relief); }
+
   [[nodiscard]] std::uint64_t bytes() const { return bytes_; }
   /// Resident now, by /proc/self/statm (proc(5)): what the kernel counts against a container's limit.
   [[nodiscard]] std::uint64_t used() const;
@@ -31,7 +38,10 @@ class MemoryBudget {
   static constexpr std::size_t kSmallBytes = std::size_t(64) << 10;
 
  private:
+  [[nodiscard]] double share_with(std::uint64_t more) const;
+
   const std::uint64_t bytes_;
+  std::function<void()> relief_;
   const int statm_;
 };
 

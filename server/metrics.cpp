@@ -58,9 +58,16 @@ struct Metrics::Families {
   prometheus::Gauge& in_flight =
       gauge(registry, "gridcast_requests_in_flight", "Requests being worked on, this one included").Add({});
   prometheus::Gauge& scenes = gauge(registry, "gridcast_scenes", "Scenes held").Add({});
-  prometheus::Gauge& versions = gauge(registry, "gridcast_scene_versions",
-                                      "Versions in memory: the newest of each scene and those still read")
-                                    .Add({});
+  prometheus::Gauge& versions =
+      gauge(registry, "gridcast_scene_versions", "Versions in memory: those kept and those still read")
+          .Add({});
+  prometheus::Gauge& kept_versions =
+      gauge(registry, "gridcast_scene_kept_versions",
+            "Versions that can be asked for, the newest of each scene among them")
+          .Add({});
+  prometheus::Gauge& log_bytes =
+      gauge(registry, "gridcast_scene_log_bytes", "Updates in the logs of all scenes, as they are in memory")
+          .Add({});
   prometheus::Gauge& instances = gauge(registry, "gridcast_instances", "Live instances, all scenes").Add({});
   prometheus::Gauge& triangles =
       gauge(registry, "gridcast_triangles", "Triangles of the meshes stored, all scenes").Add({});
@@ -163,18 +170,25 @@ std::string Metrics::text(const SceneStore& store, const JobCounts& jobs, const 
   families_->damaged.Set(double(store.damaged().size()));
   const auto scenes = store.list();
   double versions = 0;
+  double kept_versions = 0;
+  double log_bytes = 0;
   double instances = 0;
   double triangles = 0;
   double memory = 0;
   for (const auto& named : scenes) {
     const auto scene = named->snapshot();
     versions += double(named->live_versions());
+    const NamedScene::Kept kept = named->kept();
+    kept_versions += double(kept.newest - kept.oldest + 1);
+    log_bytes += double(kept.log_bytes);
     instances += double(scene->instance_count());
     triangles += double(scene->stored_triangle_count());
     memory += double(scene->memory_bytes());
   }
   families_->scenes.Set(double(scenes.size()));
   families_->versions.Set(versions);
+  families_->kept_versions.Set(kept_versions);
+  families_->log_bytes.Set(log_bytes);
   families_->instances.Set(instances);
   families_->triangles.Set(triangles);
   families_->memory.Set(memory);

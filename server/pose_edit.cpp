@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/scene/pose.h"
+#include "proto/vocabulary.h"
 
 namespace gridcast::server {
 
@@ -28,6 +29,32 @@ scene::SetPose pose_edit(proto::PoseRequest request) {
   for (proto::PoseWeights& mesh : request.weights)
     edit.weights.push_back({mesh.mesh_id, std::move(mesh.weights)});
   return edit;
+}
+
+proto::PoseRequest pose_request(const scene::SetPose& edit) {
+  proto::PoseRequest request;
+  request.base = proto::kPoseBaseNames[std::size_t(edit.base)];
+  request.update = to_string(edit.mode);
+  if (edit.animation)
+    request.animation =
+        proto::PoseAnimation{edit.animation->animation, edit.animation->time_s,
+                             std::string(proto::kWrapNames[std::size_t(edit.animation->wrap)])};
+  for (const scene::NodeTransform& node : edit.nodes) {
+    proto::PoseNode& to = request.nodes.emplace_back();
+    to.node = node.node;
+    if (const auto* transform = std::get_if<Affine>(&node.parent_from_node)) {
+      to.transform = *transform;
+      continue;
+    }
+    const auto& parts = std::get<scene::TrsParts>(node.parent_from_node);
+    to.translation = parts.translation;
+    to.rotation = parts.rotation;
+    to.scale = parts.scale;
+  }
+  for (const scene::SkinJoints& skin : edit.skins) request.skins.push_back({skin.skin, skin.joint_matrices});
+  for (const scene::MorphWeights& mesh : edit.weights)
+    request.weights.push_back({mesh.mesh_id, mesh.weights});
+  return request;
 }
 
 proto::PosedMesh posed_mesh(const scene::MeshUpdateReport& report) {

@@ -11,6 +11,8 @@
 namespace gridcast::server {
 
 [[nodiscard]] scene::SetPose pose_edit(proto::PoseRequest request);
+/// Its inverse.
+[[nodiscard]] proto::PoseRequest pose_request(const scene::SetPose& edit);
 
 [[nodiscard]] proto::PosedMesh posed_mesh(const scene::MeshUpdateReport& report);
 [[nodiscard]] std::vector<proto::PosedMesh> posed_meshes(const std::vector<scene::MeshUpdateReport>& reports);

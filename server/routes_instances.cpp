@@ -30,7 +30,8 @@ HttpResponse list_instances(Api& api, const HttpRequest& request) {
 }
 
 HttpResponse get_instance(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
@@ -107,9 +108,9 @@ HttpResponse move_instances(Api& api, const HttpRequest& request, Cancellation& 
   if (!parsed) return problem_response(parsed.problem());
   const std::size_t count = parsed->size();
   const bool changes = !parsed->changes.empty();
-  const std::vector<scene::SceneEdit> edits = edits_of(*std::move(parsed));
+  std::vector<scene::SceneEdit> edits = edits_of(*std::move(parsed));
   timing.mark("parse");
-  auto result = update_scene(api, *open.named, request, edits, cancellation,
+  auto result = update_scene(api, *open.named, request, std::move(edits), cancellation,
                              changes ? pointer_of_change : pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   timing.mark("update");

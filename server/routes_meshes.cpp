@@ -15,7 +15,8 @@ using proto::Problem;
 using proto::ProblemCode;
 
 HttpResponse list_meshes(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
@@ -24,7 +25,8 @@ HttpResponse list_meshes(Api& api, const HttpRequest& request) {
 }
 
 HttpResponse get_mesh(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
@@ -43,7 +45,8 @@ HttpResponse too_many_vertices(std::string_view as, std::size_t bytes, std::stri
 }
 
 HttpResponse get_vertices(const Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
@@ -87,7 +90,8 @@ HttpResponse patch_vertices(Api& api, const HttpRequest& request, Cancellation& 
   scene::ReplaceVertices edit{std::get<std::uint32_t>(mesh), std::move(parsed->positions),
                               std::move(parsed->vertex_ids),
                               scene::parse_update_mode(parsed->update).value()};
-  auto result = update_scene(api, *open.named, request, {std::move(edit)}, cancellation, pointer_of_one);
+  auto result =
+      update_scene(api, *open.named, request, one_edit(std::move(edit)), cancellation, pointer_of_one);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(*problem);
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);

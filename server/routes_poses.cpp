@@ -30,7 +30,8 @@ std::variant<std::uint32_t, Problem> open_morphed(const scene::Scene& scene, con
 }
 
 HttpResponse get_weights(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
@@ -66,7 +67,8 @@ std::variant<scene::UpdateResult, Problem> apply_pose(
   const auto permit = api.update_gate.enter(cancellation.token());
   if (!permit) return cancelled_problem(cancellation.reason());
   timing.mark("wait");
-  auto result = update_scene(api, named, request, {pose_edit(std::move(pose))}, cancellation, pointer_of);
+  auto result =
+      update_scene(api, named, request, one_edit(pose_edit(std::move(pose))), cancellation, pointer_of);
   if (auto* problem = std::get_if<Problem>(&result)) return in_body(std::move(*problem));
   timing.mark("update");
   return result;

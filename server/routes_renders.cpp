@@ -55,7 +55,8 @@ JobOutcome draw(Api& api, const Picture& picture, const Cancellation& cancellati
 
 HttpResponse post_render(Api& api, const HttpRequest& request, Cancellation& cancellation) {
   Timing timing;
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const OpenScene& open = std::get<OpenScene>(opened);

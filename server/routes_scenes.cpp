@@ -76,8 +76,7 @@ HttpResponse create_scene(Api& api, const HttpRequest& request, Cancellation& ca
                                   {query->structure, made.import_ms, made.build_ms});
   if (auto* problem = std::get_if<Problem>(&created)) return problem_response(*problem);
   const NamedScene& named = *std::get<std::shared_ptr<NamedScene>>(created);
-  HttpResponse response = versioned_json(to_json(scene_info(named.id(), named.origin(), *made.scene)),
-                                         made.scene->version(), 201);
+  HttpResponse response = versioned_json(to_json(scene_info(named, *made.scene)), made.scene->version(), 201);
   return response.with("Location", "/v1/scenes/" + named.id()).with("Server-Timing", timing.header());
 }
 
@@ -86,7 +85,7 @@ HttpResponse list_scenes(Api& api, const HttpRequest& request) {
   std::vector<proto::SceneInfo> infos;
   for (const auto& named : api.store.list()) {
     if (!access::sees_scene(request, named->id())) continue;
-    infos.push_back(scene_info(named->id(), named->origin(), *named->snapshot()));
+    infos.push_back(scene_info(*named, *named->snapshot()));
     infos.back().rig.reset();
   }
   std::vector<std::string> damaged = api.store.damaged();
@@ -95,13 +94,13 @@ HttpResponse list_scenes(Api& api, const HttpRequest& request) {
 }
 
 HttpResponse get_scene(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const OpenScene& open = std::get<OpenScene>(opened);
   if (auto same = not_modified(request, open.scene->version())) return std::move(*same);
-  return versioned_json(to_json(scene_info(open.named->id(), open.named->origin(), *open.scene)),
-                        open.scene->version());
+  return versioned_json(to_json(scene_info(*open.named, *open.scene)), open.scene->version());
 }
 
 HttpResponse delete_scene(Api& api, const HttpRequest& request) {
@@ -123,13 +122,13 @@ HttpResponse fork_scene(Api& api, const HttpRequest& request) {
   auto created = api.store.create(*std::move(name), scene, named->origin());
   if (auto* problem = std::get_if<Problem>(&created)) return problem_response(*problem);
   const NamedScene& copy = *std::get<std::shared_ptr<NamedScene>>(created);
-  HttpResponse response =
-      versioned_json(to_json(scene_info(copy.id(), copy.origin(), *scene)), scene->version(), 201);
+  HttpResponse response = versioned_json(to_json(scene_info(copy, *scene)), scene->version(), 201);
   return response.with("Location", "/v1/scenes/" + copy.id());
 }
 
 HttpResponse get_structure(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   // Never 304: a better tree comes in without a new version.

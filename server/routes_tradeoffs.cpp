@@ -108,7 +108,8 @@ JobOutcome measure_sweep(const Api& api, const Sweep& sweep, Cancellation& cance
 }
 
 HttpResponse post_tradeoffs(Api& api, const HttpRequest& request, const Cancellation& cancellation) {
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   const auto opened = open_scene(api, request);
   if (const auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const OpenScene& open = std::get<OpenScene>(opened);

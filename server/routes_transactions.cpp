@@ -86,26 +86,26 @@ HttpResponse post_transaction(Api& api, const HttpRequest& request, Cancellation
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   auto parsed = proto::parse_transaction(request.body, api.limits);
   if (!parsed) return problem_response(parsed.problem());
-  std::vector<scene::SceneEdit> edits;
-  edits.reserve(parsed->size());
+  const auto edits = std::make_shared<std::vector<scene::SceneEdit>>();
+  edits->reserve(parsed->size());
   std::vector<std::string> pose_names;
   for (proto::TransactionEdit& edit : *parsed) {
     if (const auto* pose = std::get_if<proto::PoseEditRequest>(&edit)) pose_names.push_back(pose->op);
-    edits.push_back(std::visit(ToSceneEdit{}, edit));
+    edits->push_back(std::visit(ToSceneEdit{}, edit));
   }
   timing.mark("parse");
   const auto permit = api.update_gate.enter(cancellation.token());
   if (!permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
-  auto result =
-      update_scene(api, *std::get<OpenScene>(opened).named, request, edits, cancellation, pointer_of_edits);
+  auto result = update_scene(api, *std::get<OpenScene>(opened).named, request, SharedEdits(edits),
+                             cancellation, pointer_of_edits);
   if (auto* problem = std::get_if<Problem>(&result)) return problem_response(in_body(std::move(*problem)));
   timing.mark("update");
   const scene::UpdateResult& updated = std::get<scene::UpdateResult>(result);
   const std::uint64_t version = updated.scene->version();
   HttpResponse response =
-      versioned_json(to_json(proto::TransactionReply{version, edit_replies(edits, pose_names, updated.report),
-                                                     updated.report.ms}),
+      versioned_json(to_json(proto::TransactionReply{
+                         version, edit_replies(*edits, pose_names, updated.report), updated.report.ms}),
                      version);
   return response.with("Server-Timing", timing.header());
 }

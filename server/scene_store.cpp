@@ -19,6 +19,10 @@ Problem no_scene() {
   return {ProblemCode::kSceneNotFound, "there is no scene of this name", ""};
 }
 
+Problem no_version(std::uint64_t newest) {
+  return {ProblemCode::kVersionNotFound, "the scene is at version " + std::to_string(newest), ""};
+}
+
 /// The operator's log says why.
 Problem not_stored(const Error& error) {
   if (error.code == ErrorCode::kNotFound) return no_scene();
@@ -31,35 +35,88 @@ Problem not_stored(const Error& error) {
 
 std::shared_ptr<const scene::Scene> NamedScene::snapshot() const {
   const std::lock_guard lock(pointer_);
-  return current_;
+  return kept_.back();
 }
 
-std::variant<scene::UpdateResult, Problem, Error> NamedScene::update(
-    std::string_view if_match, const std::vector<scene::SceneEdit>& edits, const std::stop_token& stop) {
+std::variant<std::shared_ptr<const scene::Scene>, Problem> NamedScene::snapshot_at(
+    std::uint64_t version) const {
+  const std::lock_guard lock(pointer_);
+  const std::uint64_t oldest = kept_.front()->version(), newest = kept_.back()->version();
+  if (version > newest) return no_version(newest);
+  if (version < oldest)
+    return Problem{ProblemCode::kVersionGone,
+                   "versions " + std::to_string(oldest) + " to " + std::to_string(newest) + " are kept", ""};
+  return kept_[version - oldest];
+}
+
+std::variant<scene::UpdateResult, Problem, Error> NamedScene::update(std::string_view if_match,
+                                                                     const SharedEdits& edits,
+                                                                     const std::stop_token& stop) {
   const auto turn = writing_.enter(stop);
   if (!turn) return Error{ErrorCode::kCancelled, "stopped before its turn came", ""};
   if (erased_) return no_scene();
   const std::shared_ptr<const scene::Scene> before = snapshot();
   if (auto problem = check_if_match(if_match, before->version())) return std::move(*problem);
   const auto place = trees_ != nullptr ? scene::RebuildPlace::kInBackground : scene::RebuildPlace::kInUpdate;
-  Result<scene::UpdateResult> updated = apply_update(*before, edits, {place});
+  Result<scene::UpdateResult> updated = apply_update(*before, *edits, {place});
   if (!updated) return updated.error();
   if (stored_.archive != nullptr) {
     const Status stored = stored_.archive->append(stored_.key, *before, updated->scene);
     if (!stored) return not_stored(stored.error());
   }
-  publish(updated->scene);
+  publish(updated->scene, edits);
   if (trees_ != nullptr)
     for (const std::uint32_t mesh_id : scene::wanted_trees(updated->report))
       trees_->want(shared_from_this(), mesh_id);
   return std::move(updated).value();
 }
 
-void NamedScene::publish(std::shared_ptr<const scene::Scene> scene) {
+void NamedScene::publish(std::shared_ptr<const scene::Scene> scene, const SharedEdits& edits) {
+  std::optional<LogLine> line;
+  if (edits != nullptr) line.emplace(scene->version(), edits);
+  std::shared_ptr<const scene::Scene> old;  // what goes, goes after the lock
+  std::deque<LogLine> old_lines;
   const std::lock_guard lock(pointer_);
-  current_.swap(scene);  // the old one may go: after the lock
   std::erase_if(versions_, [](const auto& version) { return version.expired(); });
-  versions_.emplace_back(current_);
+  versions_.emplace_back(scene);
+  if (!line) {
+    old = std::exchange(kept_.back(), std::move(scene));
+    return;
+  }
+  old_lines = log_.add(*std::move(line));
+  kept_.push_back(std::move(scene));
+  if (kept_.size() <= max_kept_) return;
+  old = std::move(kept_.front());
+  kept_.pop_front();
+}
+
+NamedScene::Kept NamedScene::kept() const {
+  const std::lock_guard lock(pointer_);
+  return {kept_.front()->version(), kept_.back()->version(), log_.since(), log_.bytes()};
+}
+
+std::variant<NamedScene::LogPart, Problem> NamedScene::log_after(std::uint64_t since,
+                                                                 std::size_t limit) const {
+  const std::lock_guard lock(pointer_);
+  const std::uint64_t newest = kept_.back()->version();
+  if (since > newest) {
+    Problem problem = no_version(newest);
+    problem.pointer = "?since";
+    return problem;
+  }
+  if (since < log_.since())
+    return Problem{ProblemCode::kLogGone, "the log begins behind version " + std::to_string(log_.since()),
+                   "?since"};
+  return LogPart{log_.after(since, limit), newest};
+}
+
+void NamedScene::drop_history() {
+  std::deque<LogLine> lines;  // go after the lock
+  std::deque<std::shared_ptr<const scene::Scene>> old;
+  const std::lock_guard lock(pointer_);
+  lines = log_.clear();
+  old.swap(kept_);
+  kept_.push_back(std::move(old.back()));
 }
 
 Result<std::optional<scene::TreeRefusal>> NamedScene::replace_tree(std::uint32_t mesh_id,
@@ -70,7 +127,7 @@ Result<std::optional<scene::TreeRefusal>> NamedScene::replace_tree(std::uint32_t
   auto replaced = scene::replace_tree(*snapshot(), mesh_id, tree);
   if (!replaced) return replaced.error();
   if (const auto* refusal = std::get_if<scene::TreeRefusal>(&*replaced)) return std::optional(*refusal);
-  publish(std::get<std::shared_ptr<const scene::Scene>>(*std::move(replaced)));
+  publish(std::get<std::shared_ptr<const scene::Scene>>(*std::move(replaced)), nullptr);
   return std::optional<scene::TreeRefusal>();
 }
 
@@ -150,7 +207,7 @@ std::variant<std::shared_ptr<NamedScene>, Problem> SceneStore::create(
     key = *stored;
   }
   auto scene = std::make_shared<NamedScene>(name, std::move(first), std::move(origin),
-                                            NamedScene::Stored{archive_, key}, trees_);
+                                            NamedScene::Stored{archive_, key}, trees_, history_);
   serve(scene, key);
   return scene;
 }
@@ -197,6 +254,10 @@ std::vector<std::string> SceneStore::damaged() const {
   return ids;
 }
 
+void SceneStore::drop_history() {
+  for (const std::shared_ptr<NamedScene>& scene : list()) scene->drop_history();
+}
+
 std::optional<Problem> SceneStore::erase_damaged(std::string_view id, std::int64_t key) {
   if (const Status erased = archive_->erase(key); !erased) return not_stored(erased.error());
   const std::lock_guard lock(mutex_);
@@ -230,8 +291,9 @@ std::optional<Problem> SceneStore::erase(std::string_view id, std::string_view i
   return std::nullopt;
 }
 
-SceneStore::SceneStore(std::size_t max_scenes, store::SceneArchive* archive, TreeBuilder* trees)
-    : max_scenes_(max_scenes), archive_(archive), trees_(trees) {
+SceneStore::SceneStore(std::size_t max_scenes, store::SceneArchive* archive, TreeBuilder* trees,
+                       const History& history)
+    : max_scenes_(max_scenes), archive_(archive), trees_(trees), history_(history) {
   if (archive_ == nullptr) return;
   // The archive has read all of it once, when it was opened.
   if (auto rows = archive_->scenes()) rows_ = std::move(rows).value();
@@ -245,7 +307,7 @@ void SceneStore::restore(const std::stop_token& stop, const std::function<void(c
     auto scene = archive_->restore(row, stop);
     if (scene) {
       serve(std::make_shared<NamedScene>(row.id, std::move(scene).value(), row.origin,
-                                         NamedScene::Stored{archive_, row.key}, trees_),
+                                         NamedScene::Stored{archive_, row.key}, trees_, history_),
             row.key);
     } else if (scene.error().code != ErrorCode::kCancelled) {
       settle(row.id, {State::kDamaged, nullptr, row.key});

@@ -13,6 +13,13 @@
     open("picture.png", "wb").write(scene.render(width_px=800, height_px=600))
     open("now.glb", "wb").write(scene.export())        # create_scene makes the same scene of it
 
+    before = scene.at(scene.version)                   # reads and asks this version, while the server keeps it
+    scene.move({4: other})
+    before.closest(origins, directions)                # as it was
+    copy = before.fork()
+    for line in scene.log(before.version):             # the updates since then, and the same scene again
+        copy.transact(line["edits"])
+
     job = scene.start_render(width_px=4096, height_px=4096, samples=64)
     for state in job.events():                         # {"state": "running", "progress": 0.42, ...}
         print(state["progress"])
@@ -139,20 +146,41 @@ class Job:
 
 
 class Scene:
-    """One scene of a server. `version` is that of the last answer."""
+    """One scene of a server. `version` is that of the last answer. With `at_version` reads, queries and forks are of that
+    version, "version_gone" when it is no longer kept, and writes are refused."""
 
-    def __init__(self, service, scene_id, info=None):
+    def __init__(self, service, scene_id, info=None, at_version=None):
         self.service = service
+        self.at_version = at_version
         self.id = scene_id
         self.path = "/v1/scenes/" + urllib.parse.quote(scene_id, safe="")
         self.version = int(info["scene_version"]) if info else None
 
     def _call(self, method, path, body=None, content_type=None, accept="application/json", if_version=None):
         headers = {} if if_version is None else {"If-Match": f'"{if_version}"'}
-        body, headers = self.service.request(method, self.path + path, body, content_type, accept, headers)
+        body, headers = self.service.request(method, self._at(path), body, content_type, accept, headers)
         if "Scene-Version" in headers:
             self.version = int(headers["Scene-Version"])
         return body
+
+    def _at(self, path):
+        if self.at_version is None:
+            return self.path + path
+        return f"{self.path}{path}{'&' if '?' in path else '?'}at_version={self.at_version}"
+
+    def at(self, version):
+        """The same scene at a version: Scene.info() tells which are kept."""
+        return Scene(self.service, self.id, at_version=int(version))
+
+    def log(self, since):
+        """The updates after version `since`: {"version": 8, "edits": [what transact takes]}, part by part."""
+        newest = None
+        while newest is None or since < newest:
+            text, headers = self.service.request("GET", f"{self.path}/log?since={int(since)}", accept="*/*")
+            newest = newest or int(headers["Scene-Version"])
+            for line in text.splitlines():
+                yield (update := json.loads(line))
+                since = update["version"]
 
     def _json(self, method, path, body=None, content_type=None, if_version=None):
         return json.loads(self._call(method, path, body, content_type, if_version=if_version))
@@ -295,7 +323,7 @@ class Scene:
 
     def start_render(self, camera="auto", **settings):
         """Like render, but made by a job while the caller goes on."""
-        body, _ = self.service.request("POST", self.path + "/renders", {"camera": camera} | settings,
+        body, _ = self.service.request("POST", self._at("/renders"), {"camera": camera} | settings,
                                        accept="image/png, image/x-exr;q=0.9", headers={"Prefer": "respond-async"})
         return Job(self.service, json.loads(body)["id"])
 
@@ -304,7 +332,7 @@ class Scene:
         job.result("text/csv") CSV; "image/svg+xml" and "image/png" give a chart, "application/vnd.vegalite.v5+json" the
         same for a page. Settings: ray_classes, structures, precisions, accuracy_rays, speed_rays, repeat,
         threads, seed, deadline_ms. One at a time: GridcastError with code "too_many_jobs" while another is made."""
-        body, _ = self.service.request("POST", self.path + "/tradeoffs", settings)
+        body, _ = self.service.request("POST", self._at("/tradeoffs"), settings)
         return Job(self.service, json.loads(body)["id"])
 
     def add_instance(self, mesh_id, transform=None, name=None, if_version=None, mask=None):
@@ -361,7 +389,7 @@ class Scene:
     def fork(self, name=None, if_version=None):
         """A copy of the scene at its version, which goes its own way."""
         headers = {} if if_version is None else {"If-Match": f'"{if_version}"'}
-        body, _ = self.service.request("POST", self.path + ":fork" + _query({"name": name}), b"", headers=headers)
+        body, _ = self.service.request("POST", self._at(":fork" + _query({"name": name})), b"", headers=headers)
         info = json.loads(body)
         return Scene(self.service, info["id"], info)
 

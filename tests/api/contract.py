@@ -1,5 +1,6 @@
 """proto/openapi.yaml as a judge of answers: is this status, media type and body what the contract says?"""
 
+import json
 import re
 from functools import cache
 from pathlib import Path
@@ -78,7 +79,9 @@ def check(method, path, reply):
         return
     kinds = {kind.split(";")[0]: media for kind, media in content.items()}
     assert reply.content_type in kinds, f"{method} {template} {reply.status}: {reply.content_type}"
-    if reply.content_type.endswith("json"):
-        schema = kinds[reply.content_type].get("schema")
-        if schema is not None:
-            validate(schema, reply.json())
+    schema = kinds[reply.content_type].get("schema")
+    if reply.content_type == "application/x-ndjson":
+        for line in reply.body.splitlines():
+            validate(schema["contentSchema"], json.loads(line))
+    elif reply.content_type.endswith("json") and schema is not None:
+        validate(schema, reply.json())

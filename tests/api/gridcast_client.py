@@ -129,6 +129,11 @@ class Client:
         assert reply.status == 201, reply
         return Scene(self, reply.json()["id"], reply)
 
+    def load_fork(self, scene, **query):
+        reply = scene.post(":fork", **query)
+        assert reply.status == 201, reply
+        return Scene(self, reply.json()["id"], reply)
+
 
 class Scene:
     def __init__(self, client, scene_id, created=None):

@@ -117,6 +117,18 @@ def test_every_operation_is_complete():
                 assert set(resolve(response)["content"]) == {"application/problem+json"}, f"{where} {status}"
 
 
+def test_every_read_of_a_scene_takes_a_version():
+    """All that answers from a snapshot; a write names the version that it is based on by If-Match."""
+    asking = {"rays", "points", "visibility", "sensors", "renders", "tradeoffs", "explain"}
+    for method, path, operation in OPERATIONS:
+        parts = path.split("/")
+        in_scene = path.startswith("/v1/scenes/{scene}") and "{tradeoff}" not in path and not path.endswith("/log")
+        reads = in_scene and (method == "get" or path.endswith(":fork") or (len(parts) > 4 and parts[4] in asking))
+        names = {resolve(p)["name"] for p in operation.get("parameters", [])}
+        assert ("at_version" in names) == reads, f"{method} {path}"
+        assert ("VersionGone" in str(operation["responses"].get("410"))) == reads, f"{method} {path}"
+
+
 def test_codes_named_in_texts_are_codes():
     codes = set(DOCUMENT["components"]["schemas"]["ProblemCode"]["enum"])
     for name, response in DOCUMENT["components"]["responses"].items():

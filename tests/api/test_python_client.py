@@ -224,3 +224,30 @@ def test_a_refusal_is_an_exception_with_the_problem(row, library):
     with pytest.raises(library.GridcastError) as refused:
         row.replace_vertices(0, [[0, 0, 0]])
     assert refused.value.status == 422
+
+
+def test_it_asks_for_a_version_and_plays_the_log(row, library):
+    rays = models.random_rays(200, seed=9)
+    answers = {1: row.closest(rays[:, :3], rays[:, 3:])["t"].tobytes()}
+    before = row.at(row.info()["scene_version"])
+    row.move({0: [[1, 0, 0, 3], [0, 1, 0, 5], [0, 0, 1, 0]]})
+    row.remove_instance(1)
+    assert before.closest(rays[:, :3], rays[:, 3:])["t"].tobytes() == answers[1] and before.version == 1
+    assert len(list(before.instances())) == 6 and before.vertices(0).shape == (482, 3)
+    assert before.render(width_px=8, height_px=8) != row.render(width_px=8, height_px=8)
+    copy = before.fork("python-fork")
+    try:
+        updates = list(row.log(1))
+        assert [(line["version"], line["edits"][0]["op"]) for line in updates] == [(2, "move_instance"), (3, "remove_instance")]
+        for line in updates:
+            copy.transact(line["edits"])
+        assert copy.closest(rays[:, :3], rays[:, 3:])["t"].tobytes() == row.closest(rays[:, :3], rays[:, 3:])["t"].tobytes()
+        assert list(row.log(3)) == []
+        with pytest.raises(library.GridcastError) as refused:
+            before.move({0: np.eye(4)})
+        assert refused.value.code == "unknown_parameter"
+        with pytest.raises(library.GridcastError) as refused:
+            row.at(9).info()
+        assert (refused.value.status, refused.value.code, refused.value.pointer) == (404, "version_not_found", "?at_version")
+    finally:
+        copy.delete()

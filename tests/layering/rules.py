@@ -97,3 +97,5 @@ SYSTEM = {
 STANDARD = {"iostream": ["server/", "tests/"]}
 
 MAX_LINES = 400
+# What is one file by promise may be longer.
+LONGER = {"proto/python/gridcast_client.py": 600}
