@@ -117,6 +117,23 @@ def test_every_operation_is_complete():
                 assert set(resolve(response)["content"]) == {"application/problem+json"}, f"{where} {status}"
 
 
+def test_every_operation_that_asks_for_a_token_says_how_it_refuses():
+    headers = {"401": {"WWW-Authenticate"}, "403": set(), "429": {"Retry-After"}}
+    open_to_all = set()
+    for method, path, operation in OPERATIONS:
+        refusals = set(headers) & set(operation["responses"])
+        if operation.get("security", DOCUMENT["security"]):
+            assert refusals == set(headers), f"{method} {path} lacks {set(headers) - refusals}"
+        else:
+            open_to_all.add(path)
+            assert not refusals, f"{method} {path} refuses nobody"
+        for status in refusals:
+            response = operation["responses"][status]
+            assert response["$ref"].startswith("#/components/responses/"), f"{method} {path} {status}"
+            assert set(resolve(response).get("headers", {})) == headers[status], f"{method} {path} {status}"
+    assert open_to_all == {"/healthz/live", "/healthz/ready"}
+
+
 def test_every_read_of_a_scene_takes_a_version():
     """All that answers from a snapshot; a write names the version that it is based on by If-Match."""
     asking = {"rays", "points", "visibility", "sensors", "renders", "tradeoffs", "explain"}
