@@ -71,6 +71,14 @@ class Editor:
         matrices = np.array([self.matrix() for _ in ids], "<f8").tobytes()
         return self.scene.patch("/instances", np.array(ids, "<u4").tobytes() + matrices, INSTANCES)
 
+    def change_one(self):
+        return self.scene.patch(f"/instances/{self.some()}", {"mask": int(self.random.integers(4)), "name": "one more"})
+
+    def change_many(self):
+        ids = self.ids()
+        changes = [{"instance_id": ids[0], "transform": self.matrix().tolist(), "mask": 6}]
+        return self.scene.patch("/instances", {"moves": changes + [{"instance_id": i, "name": ""} for i in ids[1:2]]})
+
     def move_none(self):
         return self.scene.patch("/instances", {"moves": []})
 
@@ -106,8 +114,8 @@ class Editor:
         return self.scene.post("/transactions", {"edits": edits})
 
 
-ROUTES = ["add", "remove", "move_one", "move_many", "move_none", "vertices", "some_vertices", "weights", "pose",
-          "animation", "joints", "many"]
+ROUTES = ["add", "remove", "move_one", "move_many", "change_one", "change_many", "move_none", "vertices", "some_vertices",
+          "weights", "pose", "animation", "joints", "many"]
 
 
 @pytest.fixture

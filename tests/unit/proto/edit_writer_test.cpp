@@ -234,7 +234,7 @@ std::string written(const std::vector<TransactionEdit>& edits) {
 
 TEST(EditWriter, random_edits_come_back_bit_for_bit) {
   Edits random(20261130);
-  std::array<int, 5> kinds{};
+  std::array<int, 6> kinds{};
   for (int round = 0; round < kRounds; ++round) {
     std::vector<TransactionEdit> edits(10);
     for (TransactionEdit& edit : edits) {
