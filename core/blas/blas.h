@@ -17,6 +17,9 @@
 #include "core/mesh/object_ray.h"
 #include "core/mesh/triangle_mesh.h"
 
+namespace gridcast {
+class RayWay;
+}
 namespace gridcast::mesh {
 struct ExactBest;
 }
@@ -141,6 +144,11 @@ class Blas {
   /// in any order. `ray` was prepared with bounds().
   template <Precision kPrecision>
   void intersect_every(const mesh::ObjectRay& ray, HitSink& sink) const;
+
+  /// What intersect() does, or for kExact intersect_exact(), told to `way`; `best` is a Hit or an ExactBest. The
+  /// same nodes in the same order, the same triangles tested, the same hit bit for bit (core/blas/explain.h).
+  template <Precision kPrecision, class Best>
+  void explain(const mesh::ObjectRay& ray, Best& best, RayWay& way) const;
 
   /// Offers the triangles around sink.center(), a point of object space: see PointSink.
   void search(PointSink& sink) const;

@@ -38,6 +38,8 @@ class Bvh {
 
   /// Read access for tests and for drawing.
   [[nodiscard]] const BvhNodes& nodes() const { return nodes_; }
+  /// In the order of the leaves; null for a mesh without triangles.
+  [[nodiscard]] const std::vector<std::uint32_t>* primitive_ids() const { return primitive_ids_.get(); }
 
  private:
   BvhNodes nodes_;

@@ -10,16 +10,12 @@
 
 #include "core/blas/block_filter-inl.h"
 #include "core/blas/kd_tree.h"
+#include "core/blas/kernel_steps.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::blas::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
-
-/// The ray's [enter, exit] in each slot of a treelet.
-struct alignas(32) SlotSegments {
-  float enter[8], exit[8];
-};
 
 /// What is still to visit. `key` orders by the bits of s_enter, which compare like the floats, and holds the
 /// treelet or first block in its low half.
@@ -301,6 +297,14 @@ bool kd_any_exact(const KdLayout& t, const mesh::ObjectRay& r, ExactAny& c) {
   return traverse<Precision::kExact>(t, r, c);
 }
 
+bool clip_ray(const mesh::ObjectRay& ray, const Bounds3f& box, float& enter, float& exit) {
+  return clip_to_root(ray, box, enter, exit);
+}
+std::uint32_t enter_slots_once(const KdTreelet& treelet, const mesh::ObjectRay& ray, float s_enter,
+                               float s_exit, SlotSegments& out) {
+  return enter_slots(treelet, KdRay(ray), s_enter, s_exit, out);
+}
+
 }  // namespace gridcast::blas::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -315,6 +319,16 @@ HWY_EXPORT(kd_every_fast);
 HWY_EXPORT(kd_every_robust);
 HWY_EXPORT(kd_closest_exact);
 HWY_EXPORT(kd_any_exact);
+HWY_EXPORT(clip_ray);
+HWY_EXPORT(enter_slots_once);
+
+bool enter_kd_root(const mesh::ObjectRay& ray, const Bounds3f& box, float& enter, float& exit) {
+  return HWY_DYNAMIC_DISPATCH(clip_ray)(ray, box, enter, exit);
+}
+std::uint32_t enter_treelet(const KdTreelet& treelet, const mesh::ObjectRay& ray, float s_enter, float s_exit,
+                            SlotSegments& segments) {
+  return HWY_DYNAMIC_DISPATCH(enter_slots_once)(treelet, ray, s_enter, s_exit, segments);
+}
 
 template <Precision kPrecision, Collector C>
 bool KdTree::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {

@@ -10,6 +10,7 @@
 #include <hwy/highway.h>
 
 #include "core/blas/block_filter-inl.h"
+#include "core/blas/kernel_steps.h"
 #include "core/blas/wide_bvh.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -165,6 +166,19 @@ bool any_exact(const WideNode* n, const TriangleBlock* b, const mesh::ObjectRay&
   return traverse<Precision::kExact>(n, b, r, c);
 }
 
+std::uint32_t enter_node(const WideNode& node, const mesh::ObjectRay& ray, float s_far, SlotEntries& out) {
+  return enter_children(node, WideRay(ray), s_far, out.s_enter_bits);
+}
+std::uint32_t filter_fast(const TriangleBlock& block, const mesh::ObjectRay& ray, float s_far) {
+  return filter_block<Precision::kFast, Certain::kNotAsked>(block, BlockRay(ray), s_far).possible;
+}
+std::uint32_t filter_robust(const TriangleBlock& block, const mesh::ObjectRay& ray, float s_far) {
+  return filter_block<Precision::kRobust, Certain::kNotAsked>(block, BlockRay(ray), s_far).possible;
+}
+std::uint32_t filter_exact(const TriangleBlock& block, const mesh::ObjectRay& ray, float s_far) {
+  return filter_block<Precision::kExact, Certain::kNotAsked>(block, BlockRay(ray), s_far).possible;
+}
+
 }  // namespace gridcast::blas::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -179,6 +193,29 @@ HWY_EXPORT(every_fast);
 HWY_EXPORT(every_robust);
 HWY_EXPORT(closest_exact);
 HWY_EXPORT(any_exact);
+HWY_EXPORT(enter_node);
+HWY_EXPORT(filter_fast);
+HWY_EXPORT(filter_robust);
+HWY_EXPORT(filter_exact);
+
+std::uint32_t enter_wide_node(const WideNode& node, const mesh::ObjectRay& ray, float s_far,
+                              SlotEntries& entries) {
+  return HWY_DYNAMIC_DISPATCH(enter_node)(node, ray, s_far, entries);
+}
+
+template <Precision kPrecision>
+std::uint32_t filter_triangles(const TriangleBlock& block, const mesh::ObjectRay& ray, float s_far) {
+  if constexpr (kPrecision == Precision::kFast) return HWY_DYNAMIC_DISPATCH(filter_fast)(block, ray, s_far);
+  if constexpr (kPrecision == Precision::kExact) return HWY_DYNAMIC_DISPATCH(filter_exact)(block, ray, s_far);
+  return HWY_DYNAMIC_DISPATCH(filter_robust)(block, ray, s_far);
+}
+
+template std::uint32_t filter_triangles<Precision::kFast>(const TriangleBlock&, const mesh::ObjectRay&,
+                                                          float);
+template std::uint32_t filter_triangles<Precision::kRobust>(const TriangleBlock&, const mesh::ObjectRay&,
+                                                            float);
+template std::uint32_t filter_triangles<Precision::kExact>(const TriangleBlock&, const mesh::ObjectRay&,
+                                                           float);
 
 template <Precision kPrecision, Collector C>
 bool WideBvh::intersect(const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray, C& collector) const {

@@ -9,6 +9,7 @@
 
 #include "core/tlas/grid_ray.h"
 #include "core/tlas/grid_walk.h"
+#include "core/tlas/kernel_steps.h"
 #include "core/tlas/uniform_grid.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -40,21 +41,6 @@ class CellTester {
   }
   [[nodiscard]] double far() const { return far_; }
 
-  HWY_INLINE void test(GridBlock::CellStart cell, int from) {
-    if (cell.kind == CellKind::kTree) {
-      test_tree(cell.groups, from);
-    } else {
-      test_flat(cell, from);
-    }
-  }
-
- private:
-  template <std::size_t kSlots>
-  static const BoxGroup<kSlots>& group_at(const std::byte* bytes) {
-    const void* at = bytes;
-    return *static_cast<const BoxGroup<kSlots>*>(at);
-  }
-
   /// Slab test of all slots: sets s_enter of each, returns a bit per slot that may be hit.
   template <std::size_t kSlots>
   HWY_INLINE std::uint32_t enter(const BoxGroup<kSlots>& group, float* HWY_RESTRICT s_enter) const {
@@ -77,6 +63,21 @@ class CellTester {
       hits |= std::uint32_t(bits[0]) << i;
     }
     return hits;
+  }
+
+  HWY_INLINE void test(GridBlock::CellStart cell, int from) {
+    if (cell.kind == CellKind::kTree) {
+      test_tree(cell.groups, from);
+    } else {
+      test_flat(cell, from);
+    }
+  }
+
+ private:
+  template <std::size_t kSlots>
+  static const BoxGroup<kSlots>& group_at(const std::byte* bytes) {
+    const void* at = bytes;
+    return *static_cast<const BoxGroup<kSlots>*>(at);
   }
 
   void visit(std::uint32_t id) {
@@ -189,6 +190,19 @@ double walk(const UniformGrid& grid, const WorldRay& world, double far, const In
   return cells.far();
 }
 
+/// For enter_group: nothing is visited.
+template <std::size_t kSlots>
+std::uint32_t enter_once(const BoxGroup<kSlots>& group, const GridRay& ray, double far, GroupEntries& out) {
+  constexpr InstanceVisitor kNobody{};
+  return CellTester(ray, far, kNobody).enter(group, out.s_enter);
+}
+std::uint32_t enter_four(const BoxGroup<4>& group, const GridRay& ray, double far, GroupEntries& out) {
+  return enter_once(group, ray, far, out);
+}
+std::uint32_t enter_eight(const BoxGroup<8>& group, const GridRay& ray, double far, GroupEntries& out) {
+  return enter_once(group, ray, far, out);
+}
+
 }  // namespace gridcast::tlas::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -196,9 +210,18 @@ HWY_AFTER_NAMESPACE();
 namespace gridcast::tlas {
 
 HWY_EXPORT(walk);
+HWY_EXPORT(enter_four);
+HWY_EXPORT(enter_eight);
 
 double UniformGrid::walk(const WorldRay& ray, double far, const InstanceVisitor& visitor) const {
   return HWY_DYNAMIC_DISPATCH(walk)(*this, ray, far, visitor);
+}
+
+std::uint32_t enter_group(const BoxGroup<4>& group, const GridRay& ray, double far, GroupEntries& entries) {
+  return HWY_DYNAMIC_DISPATCH(enter_four)(group, ray, far, entries);
+}
+std::uint32_t enter_group(const BoxGroup<8>& group, const GridRay& ray, double far, GroupEntries& entries) {
+  return HWY_DYNAMIC_DISPATCH(enter_eight)(group, ray, far, entries);
 }
 
 }  // namespace gridcast::tlas

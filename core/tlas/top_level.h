@@ -2,6 +2,7 @@
 // The top level: leads a world ray to the instances it can touch.
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -15,6 +16,10 @@
 #include "core/tlas/near_visitor.h"
 #include "core/tlas/uniform_grid.h"
 #include "core/tlas/world_ray.h"
+
+namespace gridcast {
+class RayWay;
+}
 
 namespace gridcast::tlas {
 
@@ -80,6 +85,12 @@ class TopLevel {
     };
     traverse_all(ray, far, {&visit, call, prefetch});
   }
+
+  /// What `traverse` does, told to `way`: the same visits in the same order, through the same cells. `visit`
+  /// is also told where the ray enters the instance's box, if that was asked, and adds the instance's step.
+  /// Ends early where `way` does.
+  using ExplainVisit = std::function<double(std::uint32_t instance_id, std::optional<double> t_enter)>;
+  void explain(const Ray& ray, double far, const ExplainVisit& visit, RayWay& way) const;
 
   /// Calls `visit(instance_id)` once for every instance whose box comes within `radius` of the point, roughly
   /// from near to far. `visit` returns the largest distance still of interest, which narrows the radius.

@@ -47,6 +47,7 @@ class UniformGrid {
     double cells_cost = 0.0;  ///< what the cells cost a ray that meets all, by the cost model
   };
   [[nodiscard]] Stats stats() const;
+  [[nodiscard]] float max_drift() const { return max_drift_; }  ///< of any box filed since the build
   /// Instances filed by the constructor.
   [[nodiscard]] std::size_t filed_at_build() const { return filed_at_build_; }
   [[nodiscard]] std::uint64_t reference_count() const { return reference_count_; }
@@ -70,7 +71,7 @@ class UniformGrid {
   std::size_t tree_count_ = 0;
   std::size_t occupied_cells_ = 0;
   std::size_t filed_at_build_ = 0;
-  float max_drift_ = 0.F;  ///< of any box filed since the build
+  float max_drift_ = 0.F;
 };
 
 }  // namespace gridcast::tlas
