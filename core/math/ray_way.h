@@ -52,14 +52,16 @@ struct CellNodeStep {
 
 /// kEntered: its tree is next. kMeshMissed: the world box is hit, the mesh's own box is not. kBoxMissed: the
 /// world box is missed. kBeyondBest: its box begins behind the best hit so far. kAlreadyTested: the cell
-/// before lists it too. kOtherBlock: is tested in another block that it reaches into.
+/// before lists it too. kOtherBlock: is tested in another block that it reaches into. kMasked: the query's
+/// mask does not see it.
 enum class InstanceOutcome : std::uint8_t {
   kEntered,
   kMeshMissed,
   kBoxMissed,
   kBeyondBest,
   kAlreadyTested,
-  kOtherBlock
+  kOtherBlock,
+  kMasked
 };
 
 struct InstanceStep {

@@ -9,6 +9,14 @@
 namespace gridcast::scene {
 namespace {
 
+enum class HitsBox : std::uint8_t { kNo, kYes };
+
+/// What is told of an instance that the ray sees or not, and whose mesh's box it hits or not.
+InstanceOutcome outcome_of(const Instance& instance, const QueryFilter& filter, HitsBox hits_box) {
+  if (!instance.seen_by(filter.mask)) return InstanceOutcome::kMasked;
+  return hits_box == HitsBox::kYes ? InstanceOutcome::kEntered : InstanceOutcome::kMeshMissed;
+}
+
 /// Tells of an instance that the top level leads to; whether to go on into its tree.
 bool enter_instance(const Scene& scene, std::uint32_t id, std::optional<double> t_enter,
                     InstanceOutcome outcome, RayWay& way) {
@@ -20,13 +28,13 @@ bool enter_instance(const Scene& scene, std::uint32_t id, std::optional<double> 
 
 /// closest_hit() for `fast` and `robust`, told step by step.
 template <Precision kPrecision>
-void walk(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best, RayWay& way) {
+void walk(const Scene& scene, const Ray& ray, const QueryFilter& filter, Hit& best, RayWay& way) {
   mesh::ObjectRay object_ray;
   const auto visit = [&](std::uint32_t id, std::optional<double> t_enter) {
     const Instance& instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
-    const bool is_hit = prepare_for(object_ray, instance.transform, blas, ray, best.t, id, excluded);
-    const auto outcome = is_hit ? InstanceOutcome::kEntered : InstanceOutcome::kMeshMissed;
+    const bool is_hit = prepare_for(object_ray, instance, blas, ray, best.t, id, filter);
+    const auto outcome = outcome_of(instance, filter, is_hit ? HitsBox::kYes : HitsBox::kNo);
     if (enter_instance(scene, id, t_enter, outcome, way)) blas.explain<kPrecision>(object_ray, best, way);
     return best.t;
   };
@@ -35,7 +43,7 @@ void walk(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit&
 
 /// closest_hit_exact(), told step by step.
 template <>
-void walk<Precision::kExact>(const Scene& scene, const Ray& ray, const PrimitiveRef& excluded, Hit& best,
+void walk<Precision::kExact>(const Scene& scene, const Ray& ray, const QueryFilter& filter, Hit& best,
                              RayWay& way) {
   mesh::ObjectRay object_ray;
   mesh::ExactRay exact_ray;
@@ -44,10 +52,12 @@ void walk<Precision::kExact>(const Scene& scene, const Ray& ray, const Primitive
     const Instance& instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     const bool is_hit =
+        instance.seen_by(filter.mask) &&
         exact_ray.prepare(object_ray, ray, instance.transform, blas.mesh(), blas.bounds(), found.upper);
     object_ray.instance_id = id;
+    const PrimitiveRef& excluded = filter.excluded;
     object_ray.excluded_primitive = excluded.instance_id == id ? excluded.primitive_id : kInvalidId;
-    const auto outcome = is_hit ? InstanceOutcome::kEntered : InstanceOutcome::kMeshMissed;
+    const auto outcome = outcome_of(instance, filter, is_hit ? HitsBox::kYes : HitsBox::kNo);
     if (enter_instance(scene, id, t_enter, outcome, way))
       blas.explain<Precision::kExact>(object_ray, found, way);
     return found.upper;
@@ -67,14 +77,15 @@ SurfaceHit surface_of(const Scene& scene, const Ray& ray, const Hit& best) {
 
 Result<Explanation> explain_valid(const Scene& scene, const Ray& ray, const ExplainOptions& options) {
   RayWay way(options.max_steps, ray.tfar, options.stop);
+  const QueryFilter filter{options.excluded, options.mask};
   Hit best{.t = ray.tfar};
   for_precision(options.precision,
-                [&]<Precision kPrecision>() { walk<kPrecision>(scene, ray, options.excluded, best, way); });
+                [&]<Precision kPrecision>() { walk<kPrecision>(scene, ray, filter, best, way); });
   if (way.is_stopped()) return Error{ErrorCode::kCancelled, "the explanation was cancelled", ""};
   Explanation told;
   told.is_truncated = way.is_truncated();
   told.counts = way.counts();
-  told.hit = told.is_truncated ? intersect(scene, ray, options.precision, options.excluded)
+  told.hit = told.is_truncated ? intersect(scene, ray, options.precision, options.excluded, options.mask)
                                : surface_of(scene, ray, best);
   told.steps = std::move(way).take_steps();
   // The top level knows no meshes.

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/math/hit.h"
+#include "core/math/instance_mask.h"
 #include "core/math/ray_way.h"
 #include "core/scene/scene.h"
 
@@ -16,6 +17,7 @@ struct ExplainOptions {
   PrimitiveRef excluded{};        ///< the primitive the ray starts on
   std::size_t max_steps = 10000;  ///< at least 1
   std::stop_token stop{};         ///< checked at every step
+  InstanceMask mask = kFullMask;  ///< which instances the ray sees
 };
 
 struct Explanation {

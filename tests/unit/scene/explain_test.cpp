@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/scene/trace_one.h"
+#include "core/scene/update.h"
 #include "tests/unit/scene/scene_fixture.h"
 
 namespace gridcast::scene {
@@ -29,7 +30,7 @@ std::vector<std::uint32_t> visits(const Scene& scene, const Ray& ray) {
     ids.push_back(id);
     const Instance& instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
-    if (prepare_for(object_ray, instance.transform, blas, ray, best.t, id, {}))
+    if (prepare_for(object_ray, instance, blas, ray, best.t, id, {}))
       blas.intersect<kPrecision>(object_ray, best);
     return best.t;
   });
@@ -229,6 +230,32 @@ TEST(Explain, an_excluded_primitive_is_told_and_never_best) {
   for (const WayStep& step : way.steps)
     if (const auto* triangle = std::get_if<TriangleStep>(&step)) verdicts.push_back(triangle->verdict);
   EXPECT_EQ(verdicts, (std::vector{TriangleVerdict::kExcluded, TriangleVerdict::kHit}));
+}
+
+TEST(Explain, instances_that_a_mask_does_not_see_are_told_and_passed_over) {
+  test::Random random(test::seed_or(76));
+  const auto whole = start_scene(random, 200);
+  std::vector<SceneEdit> edits;
+  for (std::uint32_t id = 0; id < 200; ++id)
+    if (whole->find_instance(id) != nullptr)
+      edits.emplace_back(ChangeInstance{id, std::nullopt, InstanceMask(1U << (id % 2)), std::nullopt});
+  const auto scene = apply_update(*whole, edits).value().scene;
+  std::size_t masked = 0;
+  for (int i = 0; i < 300; ++i) {
+    const Ray ray = random_ray(*scene, random);
+    for (const Precision precision : kPrecisions) {
+      const Explanation way = told(*scene, ray, {.precision = precision, .mask = 1});
+      ASSERT_TRUE(same(way.hit, intersect(*scene, ray, precision, {}, 1)));
+      for (const WayStep& step : way.steps) {
+        const auto* instance = std::get_if<InstanceStep>(&step);
+        if (instance == nullptr) continue;
+        if (instance->outcome == InstanceOutcome::kMasked) ++masked;
+        if (instance->outcome == InstanceOutcome::kEntered) ASSERT_EQ(instance->instance_id % 2, 0U);
+        if (instance->outcome == InstanceOutcome::kMasked) ASSERT_EQ(instance->instance_id % 2, 1U);
+      }
+    }
+  }
+  EXPECT_GT(masked, 100U);
 }
 
 TEST(Explain, counts_are_those_of_the_steps) {
