@@ -73,7 +73,11 @@ def head_seeds():
 
 
 def store_seeds():
-    folder = ROOT / "tests/durability/format_1"
+    stored_seeds(ROOT / "tests/durability/format_1", "")
+    stored_seeds(ROOT / "tests/durability/format_2", "2_")
+
+
+def stored_seeds(folder, prefix):
     for path in sorted((folder / "files").iterdir()):
         for kind in range(2):
             write("store_fuzz", f"{path.name[:6]}_{kind}", bytes([kind]) + path.read_bytes())
@@ -83,7 +87,7 @@ def store_seeds():
         for i, row in enumerate(database.execute(f"select * from {table}")):
             for blob in (value for value in row if isinstance(value, bytes) and len(value) > 32):
                 for kind in (2, 3):
-                    write("store_fuzz", f"{table}_{i}_{kind}", bytes([kind]) + blob)
+                    write("store_fuzz", f"{prefix}{table}_{i}_{kind}", bytes([kind]) + blob)
 
 
 def number_seeds():

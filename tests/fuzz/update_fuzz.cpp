@@ -34,19 +34,22 @@ struct Model {
     Affine world_from_object;
     std::uint32_t mesh_id = 0;
     bool alive = true;
+    InstanceMask mask = kFullMask;
   };
   std::vector<mesh::TriangleMesh> meshes{strip(3), strip(20)};
   std::vector<Placed> instances{{{}, 0}, {{Mat3d(1.0), Vec3d(0, 2, 0)}, 1}};
 
-  [[nodiscard]] scene::SceneData data() const {
+  /// Without what a query of this mask does not see.
+  [[nodiscard]] scene::SceneData data(InstanceMask query = kFullMask) const {
     scene::SceneData data;
     for (const mesh::TriangleMesh& mesh : meshes)
       data.meshes.push_back(std::make_shared<mesh::TriangleMesh>(mesh));
     data.deformations.resize(meshes.size());
     for (const Placed& placed : instances) {
-      // A slot of a removed instance keeps its number, but is never hit.
+      // A slot of a removed or hidden instance keeps its number, but is never hit.
       const Affine nowhere{Mat3d(0.0), Vec3d(0.0)};
-      data.instances.push_back({{}, placed.mesh_id, placed.alive ? placed.world_from_object : nowhere});
+      const bool there = placed.alive && (placed.mask & query) != 0;
+      data.instances.push_back({{}, placed.mesh_id, there ? placed.world_from_object : nowhere});
     }
     return data;
   }
@@ -62,7 +65,7 @@ bool is_placeable(const Affine& affine) {
 bool add_edit(fuzz::FuzzInput& input, Model& model, std::vector<scene::SceneEdit>& edits) {
   const auto mesh_id = input.below(std::uint32_t(model.meshes.size()) + 1);
   const auto instance_id = input.below(std::uint32_t(std::min<std::size_t>(model.instances.size() + 1, 256)));
-  switch (input.below(5)) {
+  switch (input.below(6)) {
     case 0: {
       const Affine where = input.affine();
       edits.emplace_back(scene::AddInstance{mesh_id, where, ""});
@@ -98,6 +101,18 @@ bool add_edit(fuzz::FuzzInput& input, Model& model, std::vector<scene::SceneEdit
       edits.emplace_back(std::move(edit));
       return right;
     }
+    case 4: {
+      scene::ChangeInstance edit{instance_id, {}, {}, {}};
+      if (input.below(3) != 0) edit.mask = InstanceMask(input.below(256));
+      if (input.below(3) == 0) edit.world_from_object = input.affine();
+      edits.emplace_back(edit);
+      if (!model.alive(instance_id) || (edit.world_from_object && !is_placeable(*edit.world_from_object)))
+        return false;
+      Model::Placed& placed = model.instances[instance_id];
+      placed.mask = edit.mask.value_or(placed.mask);
+      placed.world_from_object = edit.world_from_object.value_or(placed.world_from_object);
+      return true;
+    }
     default: {
       if (model.meshes.size() > 6) return true;
       model.meshes.push_back(strip(1 + input.below(6)));
@@ -107,11 +122,12 @@ bool add_edit(fuzz::FuzzInput& input, Model& model, std::vector<scene::SceneEdit
   }
 }
 
-std::vector<SurfaceHit> answers(const scene::Scene& scene) {
+std::vector<SurfaceHit> answers(const scene::Scene& scene, InstanceMask query = kFullMask) {
   std::vector<SurfaceHit> hits;
   for (int i = 0; i < 24; ++i)
-    hits.push_back(
-        scene::intersect(scene, {{0.3 * i - 1.0, 0.2 * (i % 5), 30.0}, {0.01 * (i % 7), 0.03, -1.0}}));
+    hits.push_back(scene::intersect(scene,
+                                    {{0.3 * i - 1.0, 0.2 * (i % 5), 30.0}, {0.01 * (i % 7), 0.03, -1.0}},
+                                    Precision::kRobust, {}, query));
   return hits;
 }
 
@@ -147,8 +163,9 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   fuzz::require(scene->validate().ok(), "a structure is broken");
   scene::SceneBuildOptions options;
   options.blas.kind = blas::StructureKind::kBruteForce;
-  require_same(answers(*scene), answers(*scene::build_scene(model.data(), options).value()),
-               "the scene does not answer as its model");
+  for (const InstanceMask query : {kFullMask, InstanceMask(0x15)})
+    require_same(answers(*scene, query), answers(*scene::build_scene(model.data(query), options).value()),
+                 "the scene does not answer as its model");
   require_same(answers(*first), first_answers, "an earlier version has changed");
   return 0;
 }
