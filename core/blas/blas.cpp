@@ -98,13 +98,10 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
   }
   if (!status) return status.error();
 
-  blas.mesh_ = std::move(mesh);
-  blas.inside_ = std::make_shared<Inside>();
-  blas.bounds_ = blas.mesh_->bounds();
+  blas.set_mesh(std::move(mesh));
   blas.options_ = options;
   blas.stats_.kind = choice.kind;
   blas.stats_.reason = std::move(choice.reason);
-  blas.stats_.triangle_count = blas.mesh_->triangle_count();
   blas.add_structure_stats();
   if (options.kind == StructureKind::kAuto && choice.kind == StructureKind::kWideBvh &&
       options.quality == BuildQuality::kDefault)
@@ -117,6 +114,13 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
   return blas;
 } catch (const std::bad_alloc&) {
   return out_of_memory();
+}
+
+void Blas::set_mesh(std::shared_ptr<const mesh::TriangleMesh> mesh) {
+  mesh_ = std::move(mesh);
+  inside_ = std::make_shared<Inside>();
+  bounds_ = mesh_->bounds();
+  stats_.triangle_count = mesh_->triangle_count();
 }
 
 Result<Blas> Blas::refit(std::shared_ptr<const mesh::TriangleMesh> moved) const {

@@ -172,7 +172,10 @@ class Blas {
   using Structure = std::variant<std::shared_ptr<const BruteForce>, std::shared_ptr<const Bvh>,
                                  std::shared_ptr<const WideBvh>, std::shared_ptr<const KdTree>,
                                  std::shared_ptr<const EmbreeTree>>;
+  friend class TreeCodec;  // reads and makes one: tree_codec.cpp
   Blas() = default;
+  /// The mesh, and what follows from it alone.
+  void set_mesh(std::shared_ptr<const mesh::TriangleMesh> mesh);
   template <Precision kPrecision, class C>
   bool collect(const mesh::ObjectRay& ray, C& collector) const;
   template <class Refit>

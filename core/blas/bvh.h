@@ -10,6 +10,7 @@
 #include "core/blas/bvh_node.h"
 #include "core/blas/collector.h"
 #include "core/blas/point_sink.h"
+#include "core/blas/tree_bytes.h"
 
 namespace gridcast::blas {
 
@@ -23,6 +24,12 @@ class Bvh {
   /// The same tree with its boxes drawn around the moved triangles, bit for bit the min and max of their
   /// corners. `moved` has the triangles of the mesh this was built from.
   [[nodiscard]] Result<std::shared_ptr<const Bvh>> refit(const mesh::TriangleMesh& moved) const;
+
+  /// The columns of this tree, and the tree again; what read() accepts can be asked, refitted and validated,
+  /// whatever the bytes are. kInvalidFile names what is wrong.
+  void write(TreeWriter& out) const;
+  [[nodiscard]] static Result<std::shared_ptr<const Bvh>> read(const mesh::TriangleMesh& mesh,
+                                                               TreeReader& in);
 
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>

@@ -8,6 +8,7 @@
 #include "core/blas/collector.h"
 #include "core/blas/kd_treelet.h"
 #include "core/blas/point_sink.h"
+#include "core/blas/tree_bytes.h"
 
 namespace gridcast::blas {
 
@@ -20,6 +21,11 @@ class KdTree {
   /// above kMaxKdTriangles.
   [[nodiscard]] static Result<std::shared_ptr<const KdTree>> build(const mesh::TriangleMesh& mesh,
                                                                    std::stop_token stop);
+
+  /// As Bvh::write and Bvh::read. Corners are not written: they are the mesh's.
+  void write(TreeWriter& out) const;
+  [[nodiscard]] static Result<std::shared_ptr<const KdTree>> read(const mesh::TriangleMesh& mesh,
+                                                                  TreeReader& in);
 
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>

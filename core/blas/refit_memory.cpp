@@ -95,6 +95,11 @@ const VertexLinks& RefitMemory::links(const WideBvh& tree, const mesh::TriangleM
   return *links_;
 }
 
+std::vector<PartLooseness> RefitMemory::planned_looseness() const {
+  const std::lock_guard lock(mutex_);
+  return plan_ ? plan_->looseness : std::vector<PartLooseness>();
+}
+
 std::uint64_t RefitMemory::next_version() {
   const std::lock_guard lock(mutex_);
   return ++last_version_;

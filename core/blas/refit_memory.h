@@ -63,6 +63,9 @@ class RefitMemory {
   [[nodiscard]] const RefitPlan& plan(const WideBvh& tree, const mesh::TriangleMesh& mesh);
   [[nodiscard]] const VertexLinks& links(const WideBvh& tree, const mesh::TriangleMesh& mesh);
 
+  /// How good each part was when it was built; empty while there is no plan, which would find the same.
+  [[nodiscard]] std::vector<PartLooseness> planned_looseness() const;
+
   [[nodiscard]] std::uint64_t next_version();
   /// Of a version that nobody reads any more; empty when there is none.
   [[nodiscard]] WideStorage take();

@@ -12,6 +12,7 @@
 #include "core/blas/collector.h"
 #include "core/blas/exact_packet.h"
 #include "core/blas/point_sink.h"
+#include "core/blas/tree_bytes.h"
 #include "core/blas/triangle_block.h"
 #include "core/blas/uninitialized_allocator.h"
 
@@ -107,6 +108,11 @@ class WideBvh {
   /// Subtrees of a refitted tree that have become worse than the rest are built anew. kUnsupported when
   /// several leaves share a triangle; kCancelled on `stop`.
   [[nodiscard]] Result<WideRepair> repair(const mesh::TriangleMesh& mesh, const std::stop_token& stop) const;
+
+  /// As Bvh::write and Bvh::read. Corners are not written: they are the mesh's.
+  void write(TreeWriter& out) const;
+  [[nodiscard]] static Result<std::shared_ptr<const WideBvh>> read(const mesh::TriangleMesh& mesh,
+                                                                   TreeReader& in);
 
   /// True when an offer narrowed the range or ended the traversal.
   template <Precision kPrecision, Collector C>

@@ -159,19 +159,23 @@ Status check_pose(const SceneState& state, const Rig& rig) {
   return ok_status();
 }
 
-Result<blas::Blas> build_mesh(const MeshState& state, const std::stop_token& stop) {
+Result<blas::Blas> build_mesh(const MeshState& state, const std::stop_token& stop,
+                              const TreeFinder& find_tree) {
   if (stop.stop_requested()) return cancelled();
   if (Status valid = mesh::validate(*state.mesh); !valid) return valid.error();
+  if (find_tree)
+    if (auto found = find_tree(state)) return *std::move(found);
   return blas::Blas::build(state.mesh, state.build, stop);
 }
 
 std::vector<Result<blas::Blas>> build_meshes(const std::vector<MeshState>& meshes,
-                                             const std::stop_token& stop) {
+                                             const std::stop_token& stop, const TreeFinder& find_tree) {
   std::vector<Result<blas::Blas>> built(meshes.size(), Result<blas::Blas>(cancelled()));
   tbb::parallel_for(
       tbb::blocked_range<std::size_t>(0, meshes.size(), 1),
       [&](const auto& range) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i) built[i] = build_mesh(meshes[i], stop);
+        for (std::size_t i = range.begin(); i < range.end(); ++i)
+          built[i] = build_mesh(meshes[i], stop, find_tree);
       },
       tbb::simple_partitioner());
   return built;
@@ -204,12 +208,13 @@ SceneDelta difference(const Scene& before, const Scene& after) {
   return SceneKeeper::difference(before, after);
 }
 
-Result<std::shared_ptr<const Scene>> restore_scene(SceneState state, const SceneBuildOptions& options) try {
+Result<std::shared_ptr<const Scene>> restore_scene(SceneState state, const SceneBuildOptions& options,
+                                                   const TreeFinder& find_tree) try {
   if (Status status = check_rig(*state.data); !status) return status.error();
   if (Status status = check_references(state); !status) return status.error();
   auto rig = std::make_shared<const Rig>(make_rig(*state.data));
   if (Status status = check_pose(state, *rig); !status) return status.error();
-  std::vector<Result<blas::Blas>> built = build_meshes(state.meshes, options.stop);
+  std::vector<Result<blas::Blas>> built = build_meshes(state.meshes, options.stop, find_tree);
   if (options.stop.stop_requested()) return cancelled();
   SceneEditor editor;
   editor.set_version(state.version);

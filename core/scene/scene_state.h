@@ -2,6 +2,7 @@
 // What of a scene has to be kept so that it answers the same after a restart: plain columns, without trees.
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -71,10 +72,15 @@ struct SceneDelta {
 /// that they do not share.
 [[nodiscard]] SceneDelta difference(const Scene& before, const Scene& after);
 
-/// The version, with structures built anew: its answers are those of the scene that the state was taken from,
-/// bit for bit. Errors: a state that no scene can have, named by a pointer (`/meshes/3/positions/17`);
-/// kCancelled.
+/// A tree over the mesh of a state that somebody has kept, or none: then it is built. The mesh is valid.
+/// Called from any thread.
+using TreeFinder = std::function<std::optional<blas::Blas>(const MeshState& wanted)>;
+
+/// The version, with structures that `find_tree` has or that are built anew: its answers are those of the
+/// scene that the state was taken from, bit for bit. Errors: a state that no scene can have, named by a
+/// pointer (`/meshes/3/positions/17`); kCancelled.
 [[nodiscard]] Result<std::shared_ptr<const Scene>> restore_scene(SceneState state,
-                                                                 const SceneBuildOptions& options = {});
+                                                                 const SceneBuildOptions& options = {},
+                                                                 const TreeFinder& find_tree = {});
 
 }  // namespace gridcast::scene

@@ -93,7 +93,7 @@ def stored_seeds(folder, prefix):
 def number_seeds():
     """Bytes that mean small numbers, in which scenes, rays and updates come up by themselves."""
     draw = random.Random(5)
-    for target, length in (("engine_fuzz", 220), ("update_fuzz", 160)):
+    for target, length in (("engine_fuzz", 220), ("update_fuzz", 160), ("tree_fuzz", 19)):
         for i in range(24):
             write(target, f"{i:02}", bytes(draw.randrange(100, 126) if draw.random() < 0.8 else draw.randrange(256)
                                            for _ in range(length)))
