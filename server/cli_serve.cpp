@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstdio>
 #include <memory>
 #include <optional>
@@ -41,6 +42,9 @@ Examples:
   curl -s --data-binary @engine.glb -H 'Content-Type: model/gltf-binary' 'http://127.0.0.1:8080/v1/scenes?name=engine'
   curl -s http://127.0.0.1:8080/v1/scenes/engine/rays/closest -H 'Content-Type: application/json' \
        -d '{"origins": [[0,0,900]], "directions": [[0,0,-1]]}')";
+
+/// An orderly end may take so long for trees that a restart would build otherwise.
+constexpr std::chrono::seconds kTreesAtEnd{10};
 
 /// Large blocks go back to the system when they are freed, and many threads share a few heaps: else memory of
 /// refused and deleted scenes would stay with us.
@@ -138,6 +142,7 @@ class ServeCommand final : public Command {
     });
     http.serve();
     loader.join();
+    if (api.archive) api.archive->finish(kTreesAtEnd);
     log_info("stopped");
     return stop.stop_requested() ? kExitDone : code.load();
   }
@@ -145,7 +150,8 @@ class ServeCommand final : public Command {
   int load_all(Api& api, const std::stop_token& stop) {
     if (api.archive) {
       api.store.restore(stop, [](const DamagedScene& scene) { log_error("not served: " + scene.detail); });
-      log_info("restored " + std::to_string(api.store.list().size()) + " scenes");
+      log_info("restored " + std::to_string(api.store.list().size()) + " scenes, with " +
+               std::to_string(api.archive->counts().trees.found) + " trees as they were built before");
     }
     for (const std::string& item : options_.load) {
       const std::size_t equals = item.find('=');

@@ -79,6 +79,13 @@ void add_storage_options(CLI::App& app, ServeOptions& options) {
       ->capture_default_str()
       ->needs(folder)
       ->group(group);
+  app.add_option(
+         "--cache-bytes", options.archive.trees.bytes,
+         "Built trees in the folder, all together, so that a restart need not build them; those that were "
+         "used longest ago go first; 0 = none")
+      ->capture_default_str()
+      ->needs(folder)
+      ->group(group);
 }
 
 void add_connection_options(CLI::App& app, HttpServerOptions& http) {

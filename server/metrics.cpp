@@ -93,6 +93,20 @@ struct Metrics::Families {
       counter(registry, "gridcast_store_compactions_total", "Logs of updates folded into a snapshot").Add({});
   prometheus::Counter& store_bytes =
       counter(registry, "gridcast_store_written_bytes_total", "Written to the data folder's files").Add({});
+  prometheus::Counter& structures_found =
+      counter(registry, "gridcast_structures_from_cache_total", "Trees that a restart did not have to build")
+          .Add({});
+  prometheus::Counter& structures_kept =
+      counter(registry, "gridcast_structures_kept_total", "Built trees written to the data folder").Add({});
+  prometheus::Counter& structures_rejected =
+      counter(registry, "gridcast_structures_rejected_total",
+              "Kept trees that were damaged or foreign, removed and built anew")
+          .Add({});
+  prometheus::Counter& structures_failed =
+      counter(registry, "gridcast_structures_not_kept_total", "Built trees that could not be written")
+          .Add({});
+  prometheus::Gauge& structure_bytes =
+      gauge(registry, "gridcast_structure_cache_bytes", "Of the trees kept in the data folder").Add({});
   prometheus::Gauge& job_results =
       gauge(registry, "gridcast_job_result_bytes", "Results of jobs that are kept").Add({});
 };
@@ -155,6 +169,11 @@ void Metrics::set_archive(const store::ArchiveCounts& counts) {
   bring_up(families_->store_failures, counts.failures);
   bring_up(families_->store_compactions, counts.compactions);
   bring_up(families_->store_bytes, counts.bytes_written);
+  bring_up(families_->structures_found, counts.trees.found);
+  bring_up(families_->structures_kept, counts.trees.kept);
+  bring_up(families_->structures_rejected, counts.trees.rejected);
+  bring_up(families_->structures_failed, counts.trees.failures);
+  families_->structure_bytes.Set(double(counts.trees.bytes));
 }
 
 void Metrics::set_memory(const MemoryBudget& memory) {

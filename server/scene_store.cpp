@@ -128,6 +128,7 @@ Result<std::optional<scene::TreeRefusal>> NamedScene::replace_tree(std::uint32_t
   if (!replaced) return replaced.error();
   if (const auto* refusal = std::get_if<scene::TreeRefusal>(&*replaced)) return std::optional(*refusal);
   publish(std::get<std::shared_ptr<const scene::Scene>>(*std::move(replaced)), nullptr);
+  if (stored_.archive != nullptr) stored_.archive->tree_replaced(stored_.key, snapshot());
   return std::optional<scene::TreeRefusal>();
 }
 
@@ -213,9 +214,10 @@ std::variant<std::shared_ptr<NamedScene>, Problem> SceneStore::create(
 }
 
 void SceneStore::serve(const std::shared_ptr<NamedScene>& scene, std::int64_t key) {
+  const auto snapshot = scene->snapshot();
+  if (archive_ != nullptr) archive_->served(key, snapshot);
   settle(scene->id(), {State::kServed, scene, key});
   if (trees_ == nullptr) return;
-  const auto snapshot = scene->snapshot();
   for (std::uint32_t mesh_id = 0; mesh_id < snapshot->mesh_count(); ++mesh_id)
     if (better_tree(*snapshot, mesh_id)) trees_->want(scene, mesh_id);
 }
@@ -315,6 +317,7 @@ void SceneStore::restore(const std::stop_token& stop, const std::function<void(c
     }
   }
   rows_.clear();
+  archive_->all_restored();
 }
 
 }  // namespace gridcast::server

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/error.h"
+#include "server/store/file_io.h"
 #include "server/store/sha256.h"
 
 namespace gridcast::server::store {
@@ -38,10 +39,5 @@ class FileStore {
   std::atomic<std::uint64_t> next_temporary_{0};
   std::atomic<std::uint64_t> bytes_written_{0};
 };
-
-/// fsync of a folder: makes the names in it durable.
-[[nodiscard]] Status sync_folder(const std::string& path);
-/// kLimitExceeded for a full disk or quota, kIo for anything else; names `path` and the system's reason.
-[[nodiscard]] Error system_error(std::string_view doing, const std::string& path, int error_number);
 
 }  // namespace gridcast::server::store

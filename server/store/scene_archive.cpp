@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "server/log.h"
+#include "server/store/known_files.h"
 #include "server/store/scene_codec.h"
 
 namespace gridcast::server::store {
@@ -51,25 +52,6 @@ Result<int> take_folder(const std::string& folder) {
 
 }  // namespace
 
-class SceneArchive::KnownFiles {
- public:
-  std::optional<Digest> find(const std::shared_ptr<const void>& thing) {
-    const std::lock_guard lock(mutex_);
-    const auto found = files_.find(thing);
-    if (found == files_.end()) return std::nullopt;
-    return found->second;
-  }
-  void add(const std::shared_ptr<const void>& thing, const Digest& file) {
-    const std::lock_guard lock(mutex_);
-    std::erase_if(files_, [](const auto& entry) { return entry.first.expired(); });
-    files_.insert_or_assign(thing, file);
-  }
-
- private:
-  std::mutex mutex_;
-  std::map<std::weak_ptr<const void>, Digest, std::owner_less<>> files_;
-};
-
 SceneArchive::SceneArchive(std::string folder, int lock_fd, const ArchiveOptions& options)
     : folder_(std::move(folder)),
       lock_fd_(lock_fd),
@@ -79,6 +61,7 @@ SceneArchive::SceneArchive(std::string folder, int lock_fd, const ArchiveOptions
 
 SceneArchive::~SceneArchive() {
   maintenance_ = {};
+  trees_.reset();
   database_.reset();
   ::close(lock_fd_);
 }
@@ -96,6 +79,10 @@ Result<std::unique_ptr<SceneArchive>> SceneArchive::open(const std::string& fold
   if (Status synced = sync_folder(folder); !synced) return synced.error();
   // What a crash left behind.
   if (Status collected = archive->collect_garbage(); !collected) return collected.error();
+  if (options.trees.bytes != 0)
+    archive->trees_ =
+        TreeKeeper::open(folder + "/structures", options.trees,
+                         [raw = archive.get()](const auto& mesh) { return raw->digest_of(mesh); });
   archive->maintenance_ =
       std::jthread([raw = archive.get()](const std::stop_token& stop) { raw->maintain(stop); });
   return archive;
@@ -118,6 +105,13 @@ Result<Digest> SceneArchive::put_known(const std::shared_ptr<const void>& thing,
   auto file = files_.put(text);
   if (file) known_->add(thing, *file);
   return file;
+}
+
+Digest SceneArchive::digest_of(const std::shared_ptr<const mesh::TriangleMesh>& mesh) {
+  if (const auto known = known_->find(mesh)) return *known;
+  const Digest digest = sha256(encode(*mesh));
+  known_->add(mesh, digest);
+  return digest;
 }
 
 Result<SceneArchive::Written> SceneArchive::write_snapshot(const scene::Scene& scene) {
@@ -178,7 +172,8 @@ Result<std::int64_t> SceneArchive::create(const std::string& id, const SceneOrig
 
 Status SceneArchive::append(std::int64_t key, const scene::Scene& before,
                             const std::shared_ptr<const scene::Scene>& after) {
-  UpdateRow update{after->version(), encode(difference(before, *after)), std::nullopt, true};
+  const scene::SceneDelta delta = difference(before, *after);
+  UpdateRow update{after->version(), encode(delta), std::nullopt, true};
   const std::uint64_t bytes = update.delta.size() + kRowBytes;
   {
     const std::shared_lock referring(referring_);
@@ -191,6 +186,7 @@ Status SceneArchive::append(std::int64_t key, const scene::Scene& before,
     if (Status stored = database_->append(key, update); !stored) return counted(stored);
   }
   grown(key, bytes, after);
+  if (trees_) trees_->published(key, after, delta.meshes.empty() ? TreeChange::kNone : TreeChange::kMoved);
   return ok_status();
 }
 
@@ -206,6 +202,7 @@ void SceneArchive::grown(std::int64_t key, std::uint64_t bytes,
 
 Status SceneArchive::erase(std::int64_t key) {
   if (Status erased = database_->erase(key); !erased) return counted(erased);
+  if (trees_) trees_->erased(key);
   const std::lock_guard lock(mutex_);
   logs_.erase(key);
   due_.erase(key);
@@ -349,7 +346,8 @@ Result<std::shared_ptr<const scene::Scene>> SceneArchive::restore(const SceneRow
   Log log;
   auto state = read_state(row, log);
   if (!state) return state.error();
-  auto scene = restore_scene(std::move(state).value(), {{}, stop, {}});
+  const auto find_tree = trees_ ? trees_->finder(row.key, state->build.quality) : scene::TreeFinder();
+  auto scene = restore_scene(std::move(state).value(), {{}, stop, {}}, find_tree);
   if (!scene && scene.error().code != ErrorCode::kCancelled)
     return damaged(row, scene.error().message + " (" + scene.error().where + ")");
   if (!scene) return scene;
@@ -358,9 +356,26 @@ Result<std::shared_ptr<const scene::Scene>> SceneArchive::restore(const SceneRow
   return scene;
 }
 
+void SceneArchive::served(std::int64_t key, const std::shared_ptr<const scene::Scene>& scene) {
+  if (trees_) trees_->published(key, scene, TreeChange::kNew);
+}
+
+void SceneArchive::tree_replaced(std::int64_t key, const std::shared_ptr<const scene::Scene>& scene) {
+  if (trees_) trees_->published(key, scene, TreeChange::kMoved);
+}
+
+void SceneArchive::all_restored() {
+  if (trees_) trees_->all_restored();
+}
+
+void SceneArchive::finish(std::chrono::milliseconds at_most) {
+  if (trees_) trees_->finish(at_most);
+}
+
 ArchiveCounts SceneArchive::counts() const {
+  const TreeCounts trees = trees_ ? trees_->counts() : TreeCounts();
   const std::lock_guard lock(mutex_);
-  return {database_->commits(), compactions_, failures_, files_.bytes_written()};
+  return {database_->commits(), compactions_, failures_, files_.bytes_written(), trees};
 }
 
 }  // namespace gridcast::server::store

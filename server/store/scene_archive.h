@@ -15,6 +15,7 @@
 #include "core/scene/scene_state.h"
 #include "server/store/database.h"
 #include "server/store/file_store.h"
+#include "server/store/tree_keeper.h"
 
 namespace gridcast::server::store {
 
@@ -22,6 +23,7 @@ struct ArchiveOptions {
   /// Updates of a scene are folded into a new snapshot when they take more than this, and more than the last
   /// snapshot did: so writing stays linear, and what a start has to replay is bounded.
   std::uint64_t log_bytes = std::uint64_t(4) << 20;
+  TreeKeeperOptions trees;
 };
 
 struct ArchiveCounts {
@@ -29,11 +31,15 @@ struct ArchiveCounts {
   std::uint64_t compactions = 0;
   std::uint64_t failures = 0;       ///< writes that did not get through
   std::uint64_t bytes_written = 0;  ///< to files
+  TreeCounts trees;
 };
 
-/// Scenes that outlast the process, in a folder: `gridcast.db` and `files/`. What a call has stored when it
-/// returns survives a crash and a loss of power; a call that fails has changed nothing. Any number of threads
-/// may call; updates of one scene come one after the other.
+class KnownFiles;
+
+/// Scenes that outlast the process, in a folder: `gridcast.db` and `files/`; and in `structures/` trees that
+/// need not be built again. What a call has stored when it returns survives a crash and a loss of power; a
+/// call that fails has changed nothing. Any number of threads may call; updates of one scene come one after
+/// the other.
 class SceneArchive {
  public:
   /// Makes the folder when it is not there; takes it for this process alone. Errors name what is wrong.
@@ -56,6 +62,14 @@ class SceneArchive {
   /// The newest version. kInvalidFile or kNotFound when something of it is damaged or missing: says what.
   [[nodiscard]] Result<std::shared_ptr<const scene::Scene>> restore(const SceneRow& row,
                                                                     const std::stop_token& stop);
+  /// The scene is served, as it was created or restored.
+  void served(std::int64_t key, const std::shared_ptr<const scene::Scene>& scene);
+  /// The newest version got another tree, which changes no answer.
+  void tree_replaced(std::int64_t key, const std::shared_ptr<const scene::Scene>& scene);
+  /// Every scene that could be restored is served.
+  void all_restored();
+  /// For an orderly end: writes the trees that are not written yet, for at most so long.
+  void finish(std::chrono::milliseconds at_most);
   [[nodiscard]] ArchiveCounts counts() const;
 
  private:
@@ -69,9 +83,6 @@ class SceneArchive {
     std::vector<Digest> files;
     std::uint64_t bytes = 0;
   };
-  /// Files of things that are in memory, so that none is written twice.
-  class KnownFiles;
-
   SceneArchive(std::string folder, int lock_fd, const ArchiveOptions& options);
   Status counted(Status status);
   Result<Digest> put_known(const std::shared_ptr<const void>& thing, std::uint64_t& bytes,
@@ -81,6 +92,7 @@ class SceneArchive {
   Result<scene::SceneState> read_snapshot(const SceneRow& row, Log& log);
   Result<std::shared_ptr<const mesh::TriangleMesh>> read_mesh(
       const Digest& digest, std::map<Digest, std::shared_ptr<const mesh::TriangleMesh>>& read);
+  Digest digest_of(const std::shared_ptr<const mesh::TriangleMesh>& mesh);
   void grown(std::int64_t key, std::uint64_t bytes, const std::shared_ptr<const scene::Scene>& after);
   void maintain(const std::stop_token& stop);
   void compact(std::int64_t key, const std::shared_ptr<const scene::Scene>& scene);
@@ -94,7 +106,7 @@ class SceneArchive {
   std::unique_ptr<Database> database_;
   /// Held shared from the writing of a file until the commit that refers to it: no file goes meanwhile.
   std::shared_mutex referring_;
-  std::unique_ptr<KnownFiles> known_;
+  std::unique_ptr<KnownFiles> known_;  ///< so that nothing is written twice
 
   mutable std::mutex mutex_;  ///< of what follows
   std::map<std::int64_t, Log> logs_;
@@ -103,7 +115,8 @@ class SceneArchive {
   std::uint64_t compactions_ = 0;
   std::uint64_t failures_ = 0;
   std::condition_variable_any changed_;
-  std::jthread maintenance_;  // last: uses the rest
+  std::unique_ptr<TreeKeeper> trees_;  ///< null: none are kept
+  std::jthread maintenance_;           // last: uses the rest
 };
 
 }  // namespace gridcast::server::store

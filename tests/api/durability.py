@@ -123,7 +123,8 @@ def wait_ready(server):
 def after_power_loss(folder, synced):
     """Leaves in `folder` only what was synced."""
     shutil.rmtree(folder)
-    (folder / "files").mkdir(parents=True)
+    for name in ("files", "structures"):
+        (folder / name).mkdir(parents=True)
     names = synced / "names"
     for line in names.read_text().splitlines() if names.exists() else []:
         inode, path = line.split(" ", 1)
