@@ -1,5 +1,6 @@
 #include "proto/replies.h"
 
+#include "proto/content_coding.h"
 #include "proto/media_type.h"
 #include "proto/replies_json.h"
 #include "proto/vocabulary.h"
@@ -147,6 +148,7 @@ std::string to_json(const ServiceInfo& info) {
                     {"ray_media_types", {kJsonMediaType, kRaysMediaType}},
                     {"hit_media_types", {kJsonMediaType, kHitsMediaType}},
                     {"image_media_types", {kPngMediaType, kExrMediaType}},
+                    {"content_encodings", {kZstdCoding}},
                     {"limits", limits_json(info.limits)}});
 }
 

@@ -44,6 +44,13 @@ BodyError large_body(std::size_t max_bytes) {
   return {Problem{ProblemCode::kPayloadTooLarge,
                   "the body is larger than " + std::to_string(max_bytes) + " bytes", ""}};
 }
+/// Appends every part to `text`.
+Connection::TakePart kept_in(std::string& text) {
+  return [&text](std::string_view part) {
+    text.append(part);
+    return std::optional<Problem>();
+  };
+}
 /// After a failed wait or read: the time is up, or the client is gone.
 BodyError broken_body(Clock::time_point deadline) {
   return Clock::now() >= deadline ? invalid_body("the body came too slowly") : BodyError{};
@@ -115,8 +122,7 @@ void Connection::begin_wait() {
   if (buffer_.empty()) std::string().swap(buffer_);
 }
 
-std::variant<std::string, BodyError> Connection::read_body(const HttpHead& head, std::size_t max_bytes) {
-  if (head.framing == BodyFraming::kNone) return std::string();
+std::optional<BodyError> Connection::begin_body(const HttpHead& head, std::size_t max_bytes) {
   if (head.framing == BodyFraming::kLength && head.content_length > max_bytes) return large_body(max_bytes);
   const std::size_t most = head.framing == BodyFraming::kLength ? head.content_length : max_bytes;
   body_deadline_ = Clock::now() + limits_.stall +
@@ -124,7 +130,24 @@ std::variant<std::string, BodyError> Connection::read_body(const HttpHead& head,
   if (head.find("expect").value_or("") == "100-continue" && buffer_.empty() &&
       !write("HTTP/1.1 100 Continue\r\n\r\n"))
     return BodyError{};
-  return head.framing == BodyFraming::kLength ? read_counted(head.content_length) : read_chunked(max_bytes);
+  return std::nullopt;
+}
+
+std::variant<std::string, BodyError> Connection::read_body(const HttpHead& head, std::size_t max_bytes) {
+  if (head.framing == BodyFraming::kNone) return std::string();
+  if (auto error = begin_body(head, max_bytes)) return std::move(*error);
+  if (head.framing == BodyFraming::kLength) return read_counted(head.content_length);
+  std::string body;
+  if (auto error = stream_chunked(max_bytes, kept_in(body))) return std::move(*error);
+  return body;
+}
+
+std::optional<BodyError> Connection::stream_body(const HttpHead& head, std::size_t max_bytes,
+                                                 const TakePart& take) {
+  if (head.framing == BodyFraming::kNone) return std::nullopt;
+  if (auto error = begin_body(head, max_bytes)) return error;
+  return head.framing == BodyFraming::kLength ? stream_counted(head.content_length, take)
+                                              : stream_chunked(max_bytes, take);
 }
 
 std::variant<std::string, BodyError> Connection::read_counted(std::size_t bytes) {
@@ -144,15 +167,16 @@ std::variant<std::string, BodyError> Connection::read_counted(std::size_t bytes)
   return body;
 }
 
-bool Connection::take(std::size_t bytes, std::string& into) {
+std::optional<BodyError> Connection::stream_counted(std::size_t bytes, const TakePart& take) {
   while (bytes > 0) {
-    if (buffer_.empty() && !receive(std::min(body_deadline_, Clock::now() + limits_.stall))) return false;
+    const Clock::time_point until = std::min(body_deadline_, Clock::now() + limits_.stall);
+    if (buffer_.empty() && !receive(until)) return broken_body(until);
     const std::size_t n = std::min(bytes, buffer_.size());
-    into.append(buffer_, 0, n);
+    if (auto problem = take(std::string_view(buffer_).substr(0, n))) return BodyError{std::move(problem)};
     buffer_.erase(0, n);
     bytes -= n;
   }
-  return true;
+  return std::nullopt;
 }
 
 std::optional<std::string> Connection::read_line(std::size_t max_bytes) {
@@ -168,8 +192,8 @@ std::optional<std::string> Connection::read_line(std::size_t max_bytes) {
   return line;
 }
 
-std::variant<std::string, BodyError> Connection::read_chunked(std::size_t max_bytes) {
-  std::string body;
+std::optional<BodyError> Connection::stream_chunked(std::size_t max_bytes, const TakePart& take) {
+  std::size_t room = max_bytes;
   const BodyError malformed = invalid_body("malformed chunked body");
   while (true) {
     const auto line = read_line(kMaxChunkLine);
@@ -182,16 +206,18 @@ std::variant<std::string, BodyError> Connection::read_chunked(std::size_t max_by
         parsed.ptr != digits.data() + digits.size())
       return malformed;
     if (size == 0) break;
-    if (size > max_bytes - body.size()) return large_body(max_bytes);
+    if (size > room) return large_body(max_bytes);
+    room -= size;
+    if (auto error = stream_counted(size, take)) return error;
     std::string end;
-    if (!take(size, body) || !take(2, end)) return broken_body(body_deadline_);
+    if (auto error = stream_counted(2, kept_in(end))) return error;
     if (end != "\r\n") return malformed;
   }
   // Trailer fields are read and dropped.
   for (std::size_t i = 0; i < kMaxHeaders; ++i) {
     const auto line = read_line(kMaxChunkLine);
     if (!line) break;
-    if (line->empty()) return body;
+    if (line->empty()) return std::nullopt;
   }
   return malformed;
 }

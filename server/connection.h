@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -56,6 +57,11 @@ class Connection {
 
   /// The body that `head` announces, at most `max_bytes` (else 413); answers Expect: 100-continue first.
   [[nodiscard]] std::variant<std::string, BodyError> read_body(const HttpHead& head, std::size_t max_bytes);
+  /// Gets a body's bytes as they come; a problem ends the reading.
+  using TakePart = std::function<std::optional<proto::Problem>(std::string_view)>;
+  /// The same, in parts that are not kept.
+  [[nodiscard]] std::optional<BodyError> stream_body(const HttpHead& head, std::size_t max_bytes,
+                                                     const TakePart& take);
 
   /// False when the client is gone or too slow.
   [[nodiscard]] bool write(std::string_view bytes);
@@ -73,11 +79,13 @@ class Connection {
  private:
   /// Appends what arrives within `until` to buffer_. False at the end of the stream or the time.
   [[nodiscard]] bool receive(Clock::time_point until);
+  /// Before a body: its announced length, its deadline, Expect: 100-continue.
+  [[nodiscard]] std::optional<BodyError> begin_body(const HttpHead& head, std::size_t max_bytes);
   [[nodiscard]] std::variant<std::string, BodyError> read_counted(std::size_t bytes);
-  [[nodiscard]] std::variant<std::string, BodyError> read_chunked(std::size_t max_bytes);
+  [[nodiscard]] std::optional<BodyError> stream_counted(std::size_t bytes, const TakePart& take);
+  [[nodiscard]] std::optional<BodyError> stream_chunked(std::size_t max_bytes, const TakePart& take);
   /// A line without its CRLF, at most `max_bytes` long.
   [[nodiscard]] std::optional<std::string> read_line(std::size_t max_bytes);
-  [[nodiscard]] bool take(std::size_t bytes, std::string& into);
 
   int socket_;
   ConnectionLimits limits_;

@@ -5,8 +5,11 @@
 #include <exception>
 #include <utility>
 
+#include "proto/content_coding.h"
 #include "proto/media_type.h"
+#include "proto/zstd.h"
 #include "server/access/access_control.h"
+#include "server/answer_coding.h"
 #include "server/log.h"
 #include "server/problem.h"
 #include "server/small_request.h"
@@ -33,6 +36,11 @@ std::string request_id_of(const HttpHead& head) {
 // built over them; a query's answer, and its rays in another order.
 constexpr std::uint64_t kBytesPerModelByte = 8;
 constexpr std::uint64_t kBytesPerQueryByte = 4;
+
+/// Of a body whose Content-Encoding is one that is taken.
+bool is_packed(const HttpRequest& request) {
+  return proto::parse_content_encoding(request.header("content-encoding")) == proto::BodyCoding::kZstd;
+}
 
 /// Of a small request.
 bool has_large_answer(const Route& route) {
@@ -93,6 +101,8 @@ HttpResponse Exchange::answer() {
   if (head_.framing == BodyFraming::kChunked || head_.content_length != 0) must_close_ = true;
   HttpResponse response = problem_response(*problem);
   if (problem->code == ProblemCode::kMethodNotAllowed) response.with("Allow", allowed_);
+  if (problem->code == ProblemCode::kUnsupportedEncoding)
+    response.with("Accept-Encoding", std::string(proto::kZstdCoding));
   return response;
 }
 
@@ -121,6 +131,8 @@ std::optional<Problem> Exchange::prepare(HttpRequest& request, const Route*& rou
     if (!query) return Problem{ProblemCode::kInvalidRequest, "malformed escape in the query string", "?"};
     request.query = std::move(*query);
   }
+  if (proto::choose_answer_coding(request.header("accept-encoding")) == proto::AnswerCoding::kNone)
+    return Problem{ProblemCode::kNotAcceptable, "answers leave as they are, or as zstd", "Accept-Encoding"};
   return std::nullopt;
 }
 
@@ -133,14 +145,13 @@ std::optional<Problem> Exchange::admit(HttpRequest& request, const Route* route)
   return std::nullopt;
 }
 
-std::variant<std::size_t, Problem> Exchange::body_limit(const Route& route) const {
-  // Decompression is where small bodies become large: nothing encoded is taken.
-  const std::string encoding = head_.find("content-encoding").value_or("identity");
-  if (encoding != "identity")
-    return Problem{ProblemCode::kUnsupportedEncoding, "only Content-Encoding: identity is taken",
+std::variant<std::size_t, Problem> Exchange::body_limit(const Route& route,
+                                                        const HttpRequest& request) const {
+  if (!proto::parse_content_encoding(request.header("content-encoding")))
+    return Problem{ProblemCode::kUnsupportedEncoding, "the only Content-Encoding taken is zstd, once",
                    "Content-Encoding"};
   if (route.accepts.empty()) return Problem{ProblemCode::kInvalidRequest, "this request takes no body", ""};
-  const auto type = proto::parse_media_type(head_.find("content-type").value_or(""));
+  const auto type = proto::parse_media_type(request.header("content-type"));
   if (type) {
     for (const AcceptedBody& accepted : route.accepts)
       if (accepted.media_type == type->essence) return accepted.max_bytes;
@@ -158,26 +169,53 @@ std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& requ
   if (head_.framing == BodyFraming::kNone)
     return Problem{ProblemCode::kLengthRequired, "Content-Length or chunked coding is required",
                    "Content-Length"};
-  auto limit = body_limit(route);
+  auto limit = body_limit(route, request);
   if (auto* problem = std::get_if<Problem>(&limit)) return std::move(*problem);
   const std::size_t max_bytes = std::get<std::size_t>(limit);
+  const bool packed = is_packed(request);
+  // What a packed body of unknown length takes is told while it comes.
   const std::size_t wanted = head_.framing == BodyFraming::kLength
                                  ? std::min<std::size_t>(head_.content_length, max_bytes)
-                                 : max_bytes;
-  if (auto problem = check_memory(route, wanted)) return problem;
-  reserved_bytes_ = wanted;
-  if ((shared_.body_bytes_in_flight += wanted) > shared_.options.max_body_bytes_in_flight && wanted > 65'536)
-    return Problem{ProblemCode::kOverloaded, "too many large bodies at once", ""};
+                                 : (packed ? 0 : max_bytes);
+  if (auto problem = reserve(route, wanted)) return problem;
   const Clock::time_point before = Clock::now();
-  auto body = connection_.read_body(head_, max_bytes);
+  auto body = packed ? read_zstd(route, max_bytes) : connection_.read_body(head_, max_bytes);
   transfer_ = Clock::now() - before;
   if (auto* error = std::get_if<BodyError>(&body)) {
     client_gone_ = !error->problem;
     return error->problem.value_or(cancelled_problem(CancelReason::kDisconnected));
   }
   request.body = std::move(std::get<std::string>(body));
-  record_.bytes_in = request.body.size();
+  if (!packed) record_.bytes_in = request.body.size();
   return std::nullopt;
+}
+
+std::optional<Problem> Exchange::reserve(const Route& route, std::size_t bytes) {
+  if (auto problem = check_memory(route, bytes)) return problem;
+  const std::size_t more = bytes - reserved_bytes_;
+  reserved_bytes_ = bytes;
+  if ((shared_.body_bytes_in_flight += more) > shared_.options.max_body_bytes_in_flight && bytes > 65'536)
+    return Problem{ProblemCode::kOverloaded, "too many large bodies at once", ""};
+  return std::nullopt;
+}
+
+std::variant<std::string, BodyError> Exchange::read_zstd(const Route& route, std::size_t max_bytes) {
+  proto::ZstdDecoder decoder(max_bytes);
+  std::string body;
+  const auto keep = [&](std::string_view decoded) -> std::optional<Problem> {
+    const std::size_t bytes = body.size() + decoded.size();
+    if (bytes > reserved_bytes_)
+      if (auto problem = reserve(route, std::min(max_bytes, 2 * bytes))) return problem;
+    body.append(decoded);
+    return std::nullopt;
+  };
+  const auto decode = [&](std::string_view encoded) {
+    record_.bytes_in += encoded.size();
+    return decoder.decode(encoded, keep);
+  };
+  if (auto error = connection_.stream_body(head_, max_bytes, decode)) return std::move(*error);
+  if (auto problem = decoder.finish()) return BodyError{std::move(problem)};
+  return body;
 }
 
 std::optional<Problem> Exchange::check_memory(const Route& route, std::size_t body_bytes) const {
@@ -210,6 +248,7 @@ HttpResponse Exchange::handle(const Route& route, const HttpRequest& request) {
   cancellation_.emplace(started_ + transfer_ + shared_.options.deadline);
   guard_.emplace(shared_.watch, WatchedRequest{connection_.socket(), &*cancellation_, request.body.size()});
   HttpResponse response = route.handler(request, *cancellation_);
+  encode_answer(request, response, *cancellation_);
   client_gone_ = cancellation_->reason() == CancelReason::kDisconnected;
   return response;
 }

@@ -54,10 +54,14 @@ class Exchange {
   [[nodiscard]] std::optional<proto::Problem> prepare(HttpRequest& request, const Route*& route);
   /// Before the body is read: whose request it is, or why it may not be. `route` is null for an unknown path.
   [[nodiscard]] std::optional<proto::Problem> admit(HttpRequest& request, const Route* route);
-  [[nodiscard]] std::variant<std::size_t, proto::Problem> body_limit(const Route& route) const;
+  [[nodiscard]] std::variant<std::size_t, proto::Problem> body_limit(const Route& route,
+                                                                     const HttpRequest& request) const;
   /// Why the server has no memory for a request, if so.
   [[nodiscard]] std::optional<proto::Problem> check_memory(const Route& route, std::size_t body_bytes) const;
+  /// Sets `bytes` of memory aside for the body, or says why that cannot be.
+  [[nodiscard]] std::optional<proto::Problem> reserve(const Route& route, std::size_t bytes);
   [[nodiscard]] std::optional<proto::Problem> read_body(const Route& route, HttpRequest& request);
+  [[nodiscard]] std::variant<std::string, BodyError> read_zstd(const Route& route, std::size_t max_bytes);
   /// Or refuses what would be too much at once.
   [[nodiscard]] HttpResponse admit_and_handle(const Route& route, const HttpRequest& request);
   [[nodiscard]] HttpResponse handle(const Route& route, const HttpRequest& request);

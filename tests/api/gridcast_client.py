@@ -1,4 +1,4 @@
-"""A client of the service written from proto/openapi.yaml alone: the standard library and numpy.
+"""A client of the service written from proto/openapi.yaml alone: the standard library, numpy and zstandard.
 
 Every answer is checked against the contract before a test sees it.
 """
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from urllib.parse import quote, urlencode, urlsplit
 
 import numpy as np
+import zstandard
 
 import contract
 
@@ -35,7 +36,8 @@ class Reply:
         return self.headers.get("content-type", "").split(";")[0].strip()
 
     def json(self):
-        return json.loads(self.body)
+        packed = self.headers.get("content-encoding") == "zstd"
+        return json.loads(zstandard.ZstdDecompressor().decompressobj().decompress(self.body) if packed else self.body)
 
     def problem(self):
         """The problem of an error answer: (code, pointer)."""

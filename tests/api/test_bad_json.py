@@ -125,11 +125,12 @@ def test_a_body_without_a_content_type_is_415(box):
     assert connection.getresponse().status == 415
 
 
-@pytest.mark.parametrize("encoding", ["gzip", "deflate", "br", "zstd", "identity, gzip", "x-unknown"])
+@pytest.mark.parametrize("encoding", ["gzip", "deflate", "br", "zstd, zstd", "zstd, gzip", "identity, gzip", "x-unknown"])
 def test_encoded_bodies_are_415(box, encoding):
     reply = box.post("/rays/closest", b"\x1f\x8b\x08" + b"\0" * 20, "application/json", headers={"Content-Encoding": encoding})
     assert reply.status == 415
     assert reply.problem()[0] == "unsupported_encoding"
+    assert reply.headers["accept-encoding"] == "zstd"
 
 
 def test_problems_of_a_long_list_point_at_the_element(box):

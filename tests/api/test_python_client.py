@@ -216,6 +216,26 @@ def test_it_measures_tradeoffs(row, library):
     assert refused.value.pointer == "/structures/0"
 
 
+def test_with_compress_bodies_are_packed_and_answers_are_the_same(row, library, server, monkeypatch):
+    sent, urlopen = [], library.urllib.request.urlopen
+
+    def watching(request, timeout):
+        reply = urlopen(request, timeout=timeout)
+        sent.append((request.get_header("Content-encoding"), len(request.data or b""), reply.headers["Content-Encoding"]))
+        return reply
+
+    monkeypatch.setattr(library.urllib.request, "urlopen", watching)
+    packed = library.Service(server.url, compress=True).scene(row.id)
+    down = (np.tile([0.1, 10, 0.2], (5000, 1)), [0, -1, 0])
+    plain, small = row.closest(*down), packed.closest(*down)
+    assert all(np.array_equal(plain[name], small[name]) for name in plain)
+    assert [kind for kind, _, _ in sent] == [None, "zstd"] and [kind for _, _, kind in sent] == [None, "zstd"]
+    assert sent[1][1] < sent[0][1] / 20
+    assert packed.structure()["meshes"][0]["kind"] == row.structure()["meshes"][0]["kind"]
+    monkeypatch.setattr(library, "zstandard", None)
+    assert not library.Service(server.url, compress=True).compress, "without the module bodies go as they are"
+
+
 def test_a_refusal_is_an_exception_with_the_problem(row, library):
     with pytest.raises(library.GridcastError) as refused:
         row.move({99: np.eye(4)[:3]})

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 
 import pytest
+import zstandard
 
 import models
 from conftest import ROOT, find_binary
@@ -28,12 +29,13 @@ def test_the_curl_examples_run(server, tmp_path):
     done = subprocess.run(["bash", "-euo", "pipefail", "-c", block], cwd=tmp_path, capture_output=True, text=True,
                           timeout=60, check=False, env=os.environ | {"URL": server.url, "MODEL": str(model)})
     assert done.returncode == 0, done.stdout + done.stderr
-    assert block.count("curl ") == 29
+    assert block.count("curl ") == 30
     assert read_png((tmp_path / "picture.png").read_bytes()).shape[:2] == (240, 320)
     columns = read_columns((tmp_path / "hits.bin").read_bytes())[0]
     assert columns["status"].tolist() == [1] and columns["t"][0] == pytest.approx(899, abs=0.01)
     assert read_columns((tmp_path / "scan.bin").read_bytes())[0]["t"].shape == (16 * 240,)
     assert (tmp_path / "now.glb").read_bytes().startswith(b"glTF")
+    assert json.loads(zstandard.ZstdDecompressor().decompress((tmp_path / "service.json.zst").read_bytes()))["limits"]
     assert '"state":"done"' in done.stdout
     assert read_png((tmp_path / "large.png").read_bytes()).shape[:2] == (480, 640)
     table = (tmp_path / "tradeoffs.csv").read_text().splitlines()

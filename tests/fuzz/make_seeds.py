@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import zstandard
 
 ROOT = Path(__file__).resolve().parents[2]
 CORPUS = ROOT / "tests/fuzz/corpus"
@@ -72,6 +73,18 @@ def head_seeds():
         write("http_head_fuzz", name, text.encode())
 
 
+def zstd_seeds():
+    body = json.dumps({"origins": [[0, 0, 5]] * 40, "directions": [[0, 0, -1]] * 40}).encode()
+    plain = zstandard.ZstdCompressor().compress(body)
+    checked = zstandard.ZstdCompressor(level=19, write_checksum=True, write_content_size=False).compress(body)
+    skipped = b"\x50\x2a\x4d\x18\x04\0\0\0skip"
+    block = b"\x02\x00\x10\0"  # 128 KiB of zeros, not the last block
+    for name, data in (("plain", plain), ("checked", checked), ("frames", checked + skipped + plain),
+                       ("empty", zstandard.ZstdCompressor().compress(b"")),
+                       ("zeros", b"\x28\xb5\x2f\xfd\0\x50" + block * 20 + b"\x03\x00\x10\0")):
+        write("zstd_fuzz", name, b"\x06\x15" + data)
+
+
 def store_seeds():
     stored_seeds(ROOT / "tests/durability/format_1", "")
     stored_seeds(ROOT / "tests/durability/format_2", "2_")
@@ -100,5 +113,5 @@ def number_seeds():
 
 
 if __name__ == "__main__":
-    for make in (gltf_seeds, json_seeds, binary_seeds, head_seeds, store_seeds, number_seeds):
+    for make in (gltf_seeds, json_seeds, binary_seeds, head_seeds, zstd_seeds, store_seeds, number_seeds):
         make()

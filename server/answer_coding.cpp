@@ -1,0 +1,48 @@
+#include "server/answer_coding.h"
+
+#include "proto/content_coding.h"
+#include "proto/etag.h"
+#include "proto/media_type.h"
+#include "proto/zstd.h"
+
+namespace gridcast::server {
+namespace {
+
+using proto::AnswerCoding;
+
+// Below, an answer fits into a packet or two either way.
+constexpr std::size_t kMinBytes = 1024;
+
+/// Pictures are packed already.
+bool shrinks(std::string_view content_type) {
+  const std::string_view essence = content_type.substr(0, content_type.find(';'));
+  return essence.starts_with("text/") || essence.ends_with("json") || essence.ends_with("+xml") ||
+         essence.starts_with("application/vnd.gridcast.") || essence == proto::kGlbMediaType;
+}
+
+void pack_etag(HttpResponse& response) {
+  for (auto& [name, value] : response.headers)
+    if (name == "ETag") value = proto::packed_etag(value);
+}
+
+}  // namespace
+
+void encode_answer(const HttpRequest& request, HttpResponse& response, const Cancellation& cancellation) {
+  const bool not_modified = response.status == 304;
+  if (response.status >= 400 || response.stream || (response.body.empty() && !not_modified)) return;
+  const AnswerCoding coding = proto::choose_answer_coding(request.header("accept-encoding"));
+  const bool worth_it = shrinks(response.content_type);
+  if (!worth_it && !not_modified && coding != AnswerCoding::kZstdOnly) return;
+  response.with("Vary", "Accept-Encoding");
+  // The client's own tag comes back, so that it finds what it has.
+  if (not_modified && proto::has_packed_etag(request.header("if-none-match"))) pack_etag(response);
+  if (not_modified || request.method == "HEAD" || coding == AnswerCoding::kIdentity) return;
+  if (coding == AnswerCoding::kZstd && response.body.size() < kMinBytes) return;
+  auto encoded = proto::encode_zstd(response.body, cancellation.token());
+  if (!encoded || (coding == AnswerCoding::kZstd && encoded->size() >= response.body.size())) return;
+  response.body = std::move(*encoded);
+  response.with("Content-Encoding", std::string(proto::kZstdCoding));
+  pack_etag(response);
+}
+
+}  // namespace gridcast::server
