@@ -18,7 +18,7 @@ bool is_small_request(const HttpHead& head) {
   // rays/all is not among them: a few rays may have many hits.
   constexpr std::array<std::string_view, 3> kQuestions{"/rays/closest", "/rays/any", "/rays/count"};
   return head.method == "POST" && head.framing == BodyFraming::kLength &&
-         head.content_length <= kSmallBodyBytes &&
+         head.content_length <= kSmallBodyBytes && !head.find("content-encoding") &&
          std::ranges::any_of(kQuestions, [&](std::string_view end) { return path.ends_with(end); });
 }
 

@@ -43,6 +43,9 @@ TEST(SmallRequest, is_a_probe_or_a_question_about_a_few_rays) {
   HttpHead chunked = head("POST", "/v1/scenes/a/rays/any", 60);
   chunked.framing = BodyFraming::kChunked;
   EXPECT_FALSE(is_small_request(chunked)) << "nobody knows how much will come";
+  HttpHead packed = head("POST", "/v1/scenes/a/rays/any", 60);
+  packed.headers.emplace_back("content-encoding", "zstd");
+  EXPECT_FALSE(is_small_request(packed)) << "nor how much there is";
 }
 
 TEST(HeavyRequest, is_a_question_about_many) {
