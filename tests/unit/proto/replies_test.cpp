@@ -61,10 +61,11 @@ TEST(Replies, a_transform_is_written_as_it_is_read) {
   info.world_from_object.linear = Mat3d(1, 5, 9, 2, 6, 10, 3, 7, 11);
   info.world_from_object.translation = {4, 8, 12};
   info.bounds = {{0, 0, 0}, {1, 2, 3}};
+  info.mask = 6;
   EXPECT_EQ(to_json(info, 7),
             "{\"scene_version\":\"7\",\"instance_id\":4,\"mesh_id\":1,\"name\":\"\xEF\xBF\xBD\","
             "\"transform\":[[1.0,2.0,3.0,4.0],[5.0,6.0,7.0,8.0],[9.0,10.0,11.0,12.0]],"
-            "\"bounds\":{\"lower\":[0.0,0.0,0.0],\"upper\":[1.0,2.0,3.0]},\"active\":true}");
+            "\"bounds\":{\"lower\":[0.0,0.0,0.0],\"upper\":[1.0,2.0,3.0]},\"active\":true,\"mask\":6}");
 }
 
 TEST(Replies, the_service_says_its_vocabulary_and_limits) {
