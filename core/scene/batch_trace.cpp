@@ -50,12 +50,14 @@ bool fill_packet(const BatchTarget& target, const RayRun& run, const std::uint32
   return true;
 }
 
-/// Whether a valid ray hits the target's only instance; keeps the closest hit in `best` unless any will do.
+/// Whether a valid ray hits the target's only instance, which it sees; keeps the closest hit in `best` unless
+/// any will do.
 template <Precision kPrecision, bool kAnyHit>
-bool trace_sole(const BatchTarget& target, const Ray& ray, const QueryFilter& filter, Hit& best) {
+bool trace_sole(const BatchTarget& target, const Ray& ray, const PrimitiveRef& excluded, Hit& best) {
   const blas::Blas& blas = target.scene.blas(target.sole->mesh_id);
   mesh::ObjectRay object_ray;
-  if (!prepare_for(object_ray, *target.sole, blas, ray, ray.tfar, target.sole_id, filter)) return false;
+  if (!prepare_for(object_ray, target.sole->transform, blas, ray, ray.tfar, target.sole_id, excluded))
+    return false;
   if constexpr (kAnyHit)
     return blas.template occluded<kPrecision>(object_ray, ray.tfar);
   else
@@ -82,7 +84,7 @@ void trace_single(const BatchTarget& target, RayRun& run, std::size_t i) {
   if constexpr (kPrecision == Precision::kExact) {
     hit = trace_whole<kPrecision, kAnyHit>(target, ray, filter, best);
   } else {
-    hit = target.sole != nullptr ? trace_sole<kPrecision, kAnyHit>(target, ray, filter, best)
+    hit = target.sole != nullptr ? trace_sole<kPrecision, kAnyHit>(target, ray, filter.excluded, best)
                                  : trace_whole<kPrecision, kAnyHit>(target, ray, filter, best);
   }
   run.status[i] = hit ? RayStatus::kHit : RayStatus::kMiss;

@@ -10,19 +10,22 @@
 
 namespace gridcast::scene {
 
-/// `ray` in the object space of an instance, ready for its tree. False when the ray does not see the instance
-/// or misses the mesh's box.
-inline bool prepare_for(mesh::ObjectRay& prepared, const Instance& instance, const blas::Blas& blas,
-                        const Ray& ray, double far, std::uint32_t instance_id, const QueryFilter& filter) {
-  if (!instance.seen_by(filter.mask)) return false;
-  const InstanceTransform& transform = instance.transform;
+/// `ray` in the object space of an instance, ready for its tree. False when it misses the mesh's box.
+inline bool prepare_for(mesh::ObjectRay& prepared, const InstanceTransform& transform, const blas::Blas& blas,
+                        const Ray& ray, double far, std::uint32_t instance_id, const PrimitiveRef& excluded) {
   const Ray object{transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
                    ray.tnear, far};
   if (!prepared.prepare(object, blas.bounds())) return false;
   prepared.instance_id = instance_id;
-  const PrimitiveRef& excluded = filter.excluded;
   prepared.excluded_primitive = excluded.instance_id == instance_id ? excluded.primitive_id : kInvalidId;
   return true;
+}
+
+/// The same for an instance that the ray may not see: false then, too.
+inline bool prepare_for(mesh::ObjectRay& prepared, const Instance& instance, const blas::Blas& blas,
+                        const Ray& ray, double far, std::uint32_t instance_id, const QueryFilter& filter) {
+  return instance.seen_by(filter.mask) &&
+         prepare_for(prepared, instance.transform, blas, ray, far, instance_id, filter.excluded);
 }
 
 /// What `body` gives as a template for the precision.
