@@ -23,6 +23,8 @@ void expect_members(const std::string& text, const std::string& schema_name) {
 
 TEST(Replies, members_are_those_of_the_contract) {
   SceneInfo scene;
+  scene.kept = SceneInfo::Kept{3, 7, 2};
+  EXPECT_EQ(Json::parse(to_json(scene))["kept_versions"], Json({{"oldest", "3"}, {"newest", "7"}}));
   expect_members(to_json(ServiceInfo()), "Service");
   expect_members(to_json(scene), "Scene");
   expect_members(to_json(std::vector<SceneInfo>{scene}), "SceneList");

@@ -1,5 +1,8 @@
 // What a scene keeps of its past: versions by number, and the updates that led to them.
 
+#include <algorithm>
+#include <random>
+
 #include <gtest/gtest.h>
 
 #include "core/scene/tree_replacement.h"
@@ -79,22 +82,29 @@ TEST_F(SceneHistory, with_one_kept_an_old_version_goes_at_once) {
 TEST_F(SceneHistory, a_better_tree_takes_the_place_of_its_version) {
   SceneStore store(1, nullptr, nullptr, {2, 0});
   scene::SceneData data;
-  data.meshes = {test::share(test::sphere(64, 128))};
+  data.meshes.push_back(test::share(test::icosphere(3)));
   data.deformations.resize(1);
-  scene::InstanceData instance;
-  instance.mesh_id = 0;
-  data.instances = {instance};
-  scene::SceneBuildOptions fast;
-  fast.blas.quality = blas::BuildQuality::kFast;
-  fast.blas.kind = blas::StructureKind::kWideBvh;
-  const auto named = std::get<0>(store.create("a", build_scene(std::move(data), fast).value(), {}));
-  update_to(*named, 2);
-  const auto before = named->snapshot();
+  data.instances.resize(1);
+  data.instances[0].mesh_id = 0;
+  scene::SceneBuildOptions options;
+  options.blas.kind = blas::StructureKind::kWideBvh;
+  const auto named = std::get<0>(store.create("a", build_scene(std::move(data), options).value(), {}));
+  // Refitted to vertices that have nothing to do with its shape the tree is bad.
+  scene::ReplaceVertices shuffle{
+      0, named->snapshot()->blas(0).mesh().positions, {}, scene::UpdateMode::kRefit};
+  std::mt19937_64 engine(1);
+  std::ranges::shuffle(shuffle.positions, engine);
+  ASSERT_TRUE(std::holds_alternative<scene::UpdateResult>(named->update("", {shuffle})));
+  auto before = named->snapshot();
   const auto tree = blas::Blas::build(before->blas(0).mesh_ptr(), before->blas_options()).value();
-  (void)named->replace_tree(0, tree, {});
-  EXPECT_EQ(named->kept().oldest, 1U);
-  EXPECT_EQ(named->kept().newest, 2U);
+  const auto refused = named->replace_tree(0, tree, {});
+  ASSERT_TRUE(refused.ok() && !*refused);
+  EXPECT_NE(named->snapshot(), before);
   EXPECT_EQ(std::get<0>(named->snapshot_at(2)), named->snapshot());
+  EXPECT_EQ(std::get<0>(named->snapshot_at(1))->version(), 1U);
+  EXPECT_EQ(named->live_versions(), 3U);
+  before.reset();
+  EXPECT_EQ(named->live_versions(), 2U) << "the one with the bad tree is not kept";
 }
 
 TEST_F(SceneHistory, giving_up_leaves_the_newest_version_alone) {
