@@ -39,7 +39,7 @@ bool is_writable(const scene::SceneEdit& edit) {
 }  // namespace
 
 std::size_t memory_bytes(const std::vector<scene::SceneEdit>& edits) {
-  std::size_t bytes = sizeof(edits) + held(edits);
+  std::size_t bytes = sizeof(std::vector<scene::SceneEdit>) + held(edits);
   for (const scene::SceneEdit& edit : edits) bytes += std::visit(BytesHeld{}, edit);
   return bytes;
 }

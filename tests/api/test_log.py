@@ -238,7 +238,8 @@ def test_an_answer_ends_with_the_line_that_makes_it_long(start_server):
 def test_floats_keep_their_bits_on_the_way(kept_for_long):
     """The shortest digits of the first would be rounded twice; as an integer 2^64 would be refused."""
     scene = kept_for_long
-    hard = np.array([[7.038531e-26, -7.038531e-26, -0.0], [2.0**59, -2.0**55, 1e-45], [1e18, 0.1, 16777217]], "<f4")
+    twice = float.fromhex("0x1.5c87fap-84")  # 7.038531e-26
+    hard = np.array([[twice, -twice, -0.0], [2.0**59, -2.0**55, 1e-45], [1e18, 0.1, 16777217]], "<f4")
     body = np.arange(3, dtype="<u4").tobytes() + hard.tobytes()
     assert scene.patch("/meshes/2/vertices", body, f"{VERTICES}; layout=sparse").status == 200
     shear = [[1 / 3, 5e-324, -0.0, 2.0**64], [0.1, 2.0, 1e-17, 0.3], [0.0, 0.0, 1.0, 9007199254740993.0]]
