@@ -117,9 +117,10 @@ bool TreeKeeper::keep_one(std::unique_lock<std::mutex>& lock, Clock::time_point 
   scene.reset();  // perhaps the last to hold it
   lock.lock();
   if (at_work_ == key) {
-    if (wanted) wanted_[key] = *std::move(wanted);
-    // The rest is for whoever comes next, unless there is a newer version by then.
-    if (alive && !wanted) waiting_.try_emplace(key, waiting);
+    if (wanted)
+      wanted_[key] = *std::move(wanted);
+    else if (alive)  // the rest is for whoever comes next, unless there is a newer version by then
+      waiting_.try_emplace(key, waiting);
   }
   at_work_ = 0;
   unwanted_ = true;
