@@ -4,7 +4,7 @@ set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
 
 build=build/ci
-stages=(dependencies configure build format tidy layering shellcheck docker unit api)
+stages=(dependencies configure build format tidy layering shellcheck docker contract unit api)
 only=()
 quick=no
 
@@ -21,6 +21,7 @@ Runs these stages in order, says how long each took, and fails when any of them 
   layering      the arrows between folders, headers compiled alone, and the checker's own tests
   shellcheck    every shell script
   docker        the image's file and the dependency list against the built program
+  contract      generated requests against proto/openapi.yaml, by schemathesis; skipped where it cannot be installed
   unit          ctest: unit and property tests
   api           pytest: a real server on a free loopback port, the program, the examples of the README
 
@@ -72,6 +73,7 @@ stage_shellcheck() {
   done | sort -u | xargs shellcheck
 }
 stage_docker() { run_pytest tests/docker; }
+stage_contract() { tests/contract/run.sh; }
 stage_unit() { ctest --test-dir $build --parallel 2 --timeout 300 --output-on-failure --no-tests=error; }
 stage_api() { run_pytest tests/api; }
 
@@ -79,13 +81,19 @@ failed=()
 log=$(mktemp)
 trap 'rm -f "$log"' EXIT
 
-# Runs one stage; its output is shown only when it failed, except for that of the tests.
+# Runs one stage; its output is shown only when it failed or was skipped, except for that of the tests.
 run_stage() {
   local name=$1 start=$SECONDS verdict=ok
   if [ ${#only[@]} -gt 0 ] && [[ " ${only[*]} " != *" $name "* ]]; then return 0; fi
   if [ "$quick" = yes ] && [ "$name" = tidy ]; then return 0; fi
   case $name in
     dependencies | unit | api) "stage_$name" 2>&1 | tee "$log" || verdict=FAILED ;;
+    contract)
+      "stage_$name" >"$log" 2>&1 || verdict=FAILED
+      # What was tried, or why nothing was.
+      if grep -q '^SKIPPED' "$log"; then verdict=SKIPPED; fi
+      [ $verdict = FAILED ] || tail -n 3 "$log"
+      ;;
     *) "stage_$name" >"$log" 2>&1 || verdict=FAILED ;;
   esac
   if [ $verdict = FAILED ]; then

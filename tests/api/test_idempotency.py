@@ -6,6 +6,7 @@ import uuid
 import numpy as np
 import pytest
 
+import contract
 import models
 from gridcast_client import GLB, VERTICES
 
@@ -88,6 +89,8 @@ def test_what_was_refused_can_be_sent_again(box):
 def test_a_key_is_visible_ascii_of_some_length(box, key):
     refused = box.post("/instances", {"mesh_id": 0}, headers={"Idempotency-Key": key.encode("latin-1")})
     assert refused.status == 400 and refused.problem()[0] in ("invalid_header", "invalid_request")
+    with pytest.raises(AssertionError):
+        contract.validate(contract.document()["components"]["parameters"]["IdempotencyKey"]["schema"], key)
     assert box.version() == 1
     assert box.post("/instances", {"mesh_id": 0}, headers={"Idempotency-Key": box.id.ljust(255, "x")}).status == 201
 
