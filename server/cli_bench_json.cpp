@@ -171,6 +171,7 @@ Json row_of(const measure::LoadRow& row) {
           {"goodput_per_s", row.goodput_per_s},
           {"vs_peak", row.vs_peak},
           {"spread", row.spread},
+          {"vs_peak_by_cpu", row.vs_peak_by_cpu},
           {"accepted_p50_ms", row.accepted_p50_ms},
           {"accepted_p99_ms", row.accepted_p99_ms},
           {"vs_steady_p99", row.vs_steady_p99},

@@ -31,7 +31,8 @@ RequestWatch::Guard::Guard(RequestWatch& watch, const WatchedRequest& request) :
   if (watch_.shut_down_) request.target->cancel(CancelReason::kShutdown);
   watch_.requests_.push_front(request);
   entry_ = watch_.requests_.begin();
-  watch_.changed_.notify_all();
+  // Otherwise it looks soon by itself: to wake a thread takes as long as a small request.
+  if (watch_.asleep_) watch_.changed_.notify_all();
 }
 
 RequestWatch::Guard::~Guard() {
@@ -48,7 +49,8 @@ void RequestWatch::shut_down() {
 void RequestWatch::run() {
   std::unique_lock lock(mutex_);
   while (!ending_) {
-    if (requests_.empty())
+    asleep_ = requests_.empty();
+    if (asleep_)
       changed_.wait(lock, [this] { return ending_ || !requests_.empty(); });
     else if (!changed_.wait_for(lock, kPeriod, [this] { return ending_; }))
       look();

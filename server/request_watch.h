@@ -55,6 +55,7 @@ class RequestWatch {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::list<WatchedRequest> requests_;
+  bool asleep_ = false;  ///< nobody to watch: whoever comes first wakes the thread
   bool shut_down_ = false;
   bool ending_ = false;
   std::thread thread_;

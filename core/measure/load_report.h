@@ -48,6 +48,8 @@ struct LoadRow {
   double offered_per_s = 0.0, goodput_per_s = 0.0;  ///< requests; those answered with 200
   double vs_peak = 0.0;                             ///< goodput by that of the peak
   double spread = 0.0;                              ///< of vs_peak
+  /// The same for what is answered in a second of the server's CPU time: whatever else the machine does.
+  double vs_peak_by_cpu = 0.0;
   double accepted_p50_ms = 0.0, accepted_p99_ms = 0.0;
   double vs_steady_p99 = 0.0;  ///< of accepted, by that of `steady`; 0 for the peak
   double refused_per_s = 0.0, refused_p50_ms = 0.0, refused_p99_ms = 0.0;
