@@ -166,6 +166,25 @@ TEST(GltfExport, parts_keep_their_materials_vertices_and_triangles) {
   EXPECT_NE(primitives[0]["attributes"], primitives[2]["attributes"]) << "no primitive names all vertices";
 }
 
+TEST(GltfExport, a_part_that_reaches_back_keeps_the_order_of_the_vertices) {
+  mesh::TriangleMesh mesh = soup(40, 70);
+  // Parts 0, 1 and 2 have vertices of their own; 3 has some of 1 and of 2.
+  mesh.triangles.push_back({40, 70, 100});
+  mesh.parts = {{0, 10, 0}, {10, 10, 1}, {20, 20, 0}, {40, 1, 1}};
+  SceneData data;
+  data.materials.resize(2);
+  data.meshes = {share(mesh)};
+  data.deformations.resize(1);
+  scene::place(data, 0, {});
+  const std::string glb = exported(*scene::built(std::move(data)));
+  const auto after = read_back(glb);
+  EXPECT_TRUE(after->blas(0).mesh().positions == mesh.positions);
+  EXPECT_TRUE(after->blas(0).mesh().triangles == mesh.triangles);
+  const auto primitives = take_apart(glb).document["meshes"][0]["primitives"];
+  EXPECT_NE(primitives[0]["attributes"], primitives[1]["attributes"]);
+  EXPECT_EQ(primitives[1]["attributes"], primitives[3]["attributes"]);
+}
+
 TEST(GltfExport, accessors_tell_the_bounds_of_what_they_hold) {
   const Glb parts = take_apart(exported(*scene::built(two_boxes())));
   const auto& accessor = parts.document["accessors"][0];

@@ -62,7 +62,8 @@ TEST(PointFields, other_names_are_refused_with_the_list) {
 
 std::set<std::string> members(const std::string& text) {
   std::set<std::string> names;
-  for (const auto& [name, value] : Json::parse(text).items()) names.insert(name);
+  const Json object = Json::parse(text);
+  for (const auto& [name, value] : object.items()) names.insert(name);
   return names;
 }
 std::set<std::string> columns(const BinaryBody& body) {
