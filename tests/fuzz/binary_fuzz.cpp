@@ -6,6 +6,7 @@
 #include "proto/ray_request.h"
 #include "proto/scene_request.h"
 #include "proto/vertex_request.h"
+#include "proto/visibility_request.h"
 #include "tests/fuzz/fuzz_input.h"
 
 using namespace gridcast;
@@ -40,6 +41,11 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (check(points)) {
     const PointBatch batch = points.value().batch();
     for (std::size_t i = 0; i < batch.size(); ++i) (void)batch[i];
+  }
+  const auto pairs = parse_visibility_request(type, body, {}, limits);
+  if (check(pairs)) {
+    const PairBatch batch = pairs.value().batch();
+    for (std::size_t i = 0; i < batch.size(); ++i) (void)batch.from(i), (void)batch.to(i);
   }
   check(parse_move_instances(type, body, limits));
   check(parse_vertex_request(type, body, {}, limits));

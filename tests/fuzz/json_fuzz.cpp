@@ -7,9 +7,11 @@
 #include "proto/ray_request.h"
 #include "proto/render_request.h"
 #include "proto/scene_request.h"
+#include "proto/sensor_request.h"
 #include "proto/tradeoff_request.h"
 #include "proto/transaction.h"
 #include "proto/vertex_request.h"
+#include "proto/visibility_request.h"
 #include "tests/fuzz/fuzz_input.h"
 
 using namespace gridcast;
@@ -34,12 +36,20 @@ void check_rays(std::string_view body, const proto::Limits& limits, proto::RayQu
   for (std::size_t i = 0; i < batch.size(); ++i) (void)is_valid(batch[i]);
 }
 
+void check_pairs(std::string_view body, const proto::Limits& limits) {
+  const auto parsed = proto::parse_visibility_request("application/json", body, {}, limits);
+  check(parsed);
+  if (!parsed.ok()) return;
+  const PairBatch batch = parsed.value().batch();
+  for (std::size_t i = 0; i < batch.size(); ++i) (void)batch.from(i), (void)batch.to(i);
+}
+
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace gridcast::proto;
   fuzz::FuzzInput input(data, size);
-  const std::uint32_t which = input.below(13);
+  const std::uint32_t which = input.below(15);
   const std::string_view body = input.text();
   const Limits limits;
   switch (which) {
@@ -74,6 +84,12 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
       break;
     case 11:
       check(parse_tradeoff_request(body, 2, limits));
+      break;
+    case 12:
+      check_pairs(body, limits);
+      break;
+    case 13:
+      check(parse_sensor_request(body, {}, limits));
       break;
     default:
       check(parse_add_instance(body, limits));

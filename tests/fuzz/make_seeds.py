@@ -19,7 +19,9 @@ import models  # noqa: E402
 
 # First byte of json_fuzz by the path that a body is sent to, in the order of its switch.
 JSON_KINDS = {"rays/closest": 0, "rays/any": 1, "rays/all": 2, "rays/count": 3, "points/": 4, "/vertices": 5,
-              "/transactions": 6, "/pose": 7, "/weights": 8, "renders": 9, "/instances": 10, "tradeoffs": 11}
+              "/transactions": 6, "/pose": 7, "/weights": 8, "renders": 9, "/instances": 10, "tradeoffs": 11,
+              "/visibility": 12, "/sensors": 13}
+ADD_INSTANCE = 14
 
 
 def write(target, name, data):
@@ -36,6 +38,24 @@ def gltf_seeds():
         write("gltf_fuzz", name + "_json", (ROOT / f"proto/examples/{name}.gltf").read_bytes())
 
 
+POSE = {"eye": [0, 2, 0], "target": [0, 2, -1], "up": [0, 1, 0]}
+PIXELS = {"width_px": 4, "height_px": 3}
+# What the examples have too little of, by the same numbers.
+MORE_BODIES = [
+    (12, {"from": [[0, 0, 5], [0, 0, 1]], "to": [[0, 9, 5], [0, 0, -5]], "exclude": [None, [2, 11]],
+          "target": [[0, 1], None], "margin": 0.5, "blocker": False}),
+    (12, {"from": [[0, 0, 5]], "to": [[0, 0, -5]], "fields": ["t_error"], "precision": "exact", "stats": True}),
+    (13, {"type": "pinhole", "pose": POSE, "yfov_deg": 60, **PIXELS}),
+    (13, {"type": "fisheye", "pose": POSE, "fov_deg": 200, "fields": ["uv"], **PIXELS}),
+    (13, {"type": "orthographic", "pose": {"transform": [[1, 0, 0, 0], [0, 0, 1, 9], [0, -1, 0, 0]]}, "height": 4, **PIXELS}),
+    (13, {"type": "lidar", "pose": POSE, "elevations_deg": [-5, 0, 5], "azimuth": {"from_deg": 0, "to_deg": 9, "step_deg": 3},
+          "max_range": 50, "max_returns": 2, "noise": {"sigma": 0.1, "seed": 3}}),
+    (13, {"type": "grid", "pose": POSE, "columns": 3, "rows": 2, "spacing": [0.5, 1], "stats": True}),
+    (4, {"points": [[0, 0, 5]], "fields": ["position", "uv"], "max_distance": 3}),
+    (4, {"points": [[0, 0, 5]], "fields": ["winding"], "deadline_ms": 5}),
+]
+
+
 def json_seeds():
     bodies = {}
     for path in sorted((ROOT / "proto/examples").glob("*.json")):
@@ -44,8 +64,10 @@ def json_seeds():
             kind = next((k for part, k in JSON_KINDS.items() if part in request.get("path", "")), None)
             if "json" in request and kind is not None:
                 if kind == 10 and request["method"] == "POST":
-                    kind = 12
+                    kind = ADD_INSTANCE
                 bodies[bytes([kind]) + json.dumps(request["json"]).encode()] = None
+    for kind, body in MORE_BODIES:
+        bodies[bytes([kind]) + json.dumps(body).encode()] = None
     for i, body in enumerate(bodies):
         write("json_fuzz", f"{i:02}", body)
 
@@ -56,7 +78,8 @@ def binary_seeds():
     ids = np.array([0, 2], "<u4").tobytes()
     for name, text, body in (
             ("rays", "rays", rays), ("rays_f64", "rays; dtype=float64; columns=8", whole.astype("<f8")),
-            ("points", "points", rays[:, :3]), ("vertices", "vertices", rays[:, :3]),
+            ("points", "points", rays[:, :3]), ("pairs", "pairs", rays),
+            ("pairs_f64", "pairs; dtype=float64", rays.astype("<f8")), ("vertices", "vertices", rays[:, :3]),
             ("vertices_some", "vertices; layout=sparse", ids + rays[:2, :3].tobytes()),
             ("instances", "instances; dtype=float32", ids[:4] + np.eye(4, dtype="<f4")[:3].tobytes())):
         kind = f"application/vnd.gridcast.{text}".encode()
