@@ -15,6 +15,7 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"binary_hits", limits.binary_hits},
           {"glb_bytes", limits.glb_bytes},
           {"image_side_px", limits.image_side_px},
+          {"explain_steps", limits.explain_steps},
           {"image_samples", limits.image_samples},
           {"samples_per_pixel", limits.samples_per_pixel},
           {"bounce_depth", limits.bounce_depth},

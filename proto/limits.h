@@ -25,6 +25,7 @@ struct Limits {
   std::size_t binary_hits = std::size_t(4) << 20;
   std::size_t glb_bytes = std::size_t(512) << 20;
   int image_side_px = 8192;
+  std::uint32_t explain_steps = 100'000;  ///< of a ray's explanation: about 12 MB of JSON
   /// Width x height x samples: 1080p at 256 samples, or the largest image at 8.
   std::uint64_t image_samples = std::uint64_t(1) << 29;
   int samples_per_pixel = 4096;

@@ -34,6 +34,13 @@ inline constexpr std::array<std::string_view, 2> kImageFormatNames{"png", "exr"}
 /// Classes of rays that tradeoffs are measured on.
 inline constexpr std::array<std::string_view, 8> kRayClassNames{"random", "edge",     "vertex",  "grazing",
                                                                 "axis",   "coherent", "diffuse", "shadow"};
+/// Of the steps of an explained ray, in the order of core's enumerators: what a cell holds, what becomes of
+/// an instance and of a triangle.
+inline constexpr std::array<std::string_view, 3> kCellContentNames{"empty", "list", "tree"};
+inline constexpr std::array<std::string_view, 7> kInstanceOutcomeNames{
+    "entered", "mesh_missed", "box_missed", "beyond_best", "already_tested", "other_block", "masked"};
+inline constexpr std::array<std::string_view, 5> kTriangleVerdictNames{"filtered", "missed", "hit",
+                                                                       "out_of_range", "excluded"};
 /// `status` and `t` are in every answer; naming them is allowed. `t_error` comes only when named.
 inline constexpr std::array<std::string_view, 8> kHitFieldNames{
     "status", "t", "uv", "normal", "instance_id", "mesh_id", "primitive_id", "t_error"};

@@ -51,6 +51,7 @@ Router make_router(Api& api) {
   add_pose_routes(router, api);
   add_log_routes(router, api);
   add_ray_routes(router, api);
+  add_explain_routes(router, api);
   add_point_routes(router, api);
   add_visibility_routes(router, api);
   add_sensor_routes(router, api);

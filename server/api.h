@@ -55,6 +55,7 @@ void add_transaction_routes(Router& router, Api& api);
 void add_pose_routes(Router& router, Api& api);
 void add_log_routes(Router& router, Api& api);
 void add_ray_routes(Router& router, Api& api);
+void add_explain_routes(Router& router, Api& api);
 void add_point_routes(Router& router, Api& api);
 void add_visibility_routes(Router& router, Api& api);
 void add_sensor_routes(Router& router, Api& api);

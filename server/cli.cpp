@@ -16,6 +16,7 @@ constexpr const char* kFooter = R"(
 Examples:
   gridcast info engine.glb
   gridcast cast engine.glb --camera-grid 1024x1024 -o hits.bin
+  gridcast explain engine.glb --origin 0,0,900 --direction 0,0,-1
   gridcast render engine.glb -o engine.png --width 800 --height 600
   gridcast play fox.glb --animation Run -o frame_%04d.png
   gridcast serve --port 8080 --load engine=engine.glb
@@ -67,6 +68,7 @@ int run_command_line(int argc, char** argv) {
   std::vector<std::unique_ptr<Command>> commands;
   commands.push_back(make_serve_command(program));
   commands.push_back(make_cast_command(program));
+  commands.push_back(make_explain_command(program));
   commands.push_back(make_render_command(program));
   commands.push_back(make_play_command(program));
   commands.push_back(make_export_command(program));

@@ -73,6 +73,7 @@ class Command {
 
 [[nodiscard]] std::unique_ptr<Command> make_serve_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_cast_command(CLI::App& program);
+[[nodiscard]] std::unique_ptr<Command> make_explain_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_render_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_play_command(CLI::App& program);
 [[nodiscard]] std::unique_ptr<Command> make_export_command(CLI::App& program);

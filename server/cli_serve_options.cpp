@@ -21,6 +21,7 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
   add("--max-binary-hits", limits.binary_hits, "Hits in a binary answer of rays/all");
   add("--max-binary-bytes", limits.binary_bytes, "A binary body");
   add("--max-binary-rays", limits.binary_rays, "Rays in a binary body");
+  add("--max-explain-steps", limits.explain_steps, "Steps of a ray's explanation");
   add("--max-glb-bytes", limits.glb_bytes, "A model");
   add("--max-image-side", limits.image_side_px, "Pixels of a picture's side");
   add("--max-image-samples", limits.image_samples, "Width x height x samples of a picture");

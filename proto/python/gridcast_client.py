@@ -266,6 +266,15 @@ class Scene:
         rays = encode_rays(origins, directions, tnear, tfar, dtype, exclude)
         return self._rays("count", rays, {"deadline_ms": deadline_ms, "mask": mask})
 
+    def explain(self, origin, direction, tnear=None, tfar=None, *, exclude=None, precision=None, max_steps=None,
+                deadline_ms=None, mask=None):
+        """One ray's way: {"hit": {...} or None, "truncated", "counts": {...}, "steps": [{"kind": "cell", ...},
+        {"kind": "instance", ...}, ...]} in the order of events. `exclude` is (instance_id, primitive_id)."""
+        asked = {"origin": np.asarray(origin, float).tolist(), "direction": np.asarray(direction, float).tolist(),
+                 "tnear": tnear, "tfar": tfar, "exclude": exclude, "precision": precision, "max_steps": max_steps,
+                 "deadline_ms": deadline_ms, "mask": mask}
+        return self._json("POST", "/explain", {name: value for name, value in asked.items() if value is not None})
+
     def closest_points(self, points, max_distance=None, deadline_ms=None, mask=None, *, fields=None):
         """The nearest surface points of points [N, 3]: {"distance": f8 [N], "position": f8 [N, 3], "instance_id",
         "mesh_id", "primitive_id": u4 [N], "uv": f4 [N, 2], "status": u1 [N]}, or status, distance and the `fields`

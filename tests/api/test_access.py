@@ -159,6 +159,7 @@ def test_quotas_are_told_with_the_time_to_wait(guarded):
     for path, body in (("rays/any", {"origins": [[0, 0, 5]], "directions": [[0, 0, -1]]}),
                        ("points/closest", {"points": [[0, 0, 5]]}), ("renders", {"width_px": 8, "height_px": 8}),
                        ("visibility", {"from": [[0, 0, 5]], "to": [[0, 0, -5]]}),
+                       ("explain", {"origin": [0, 0, 5], "direction": [0, 0, -1]}),
                        ("sensors", {"type": "grid", "pose": {"transform": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5]]},
                                     "columns": 1, "rows": 1, "spacing": [1, 1]}),
                        ("tradeoffs", {})):

@@ -142,6 +142,14 @@ def test_a_token_goes_with_every_request(library, start_server, binary, tmp_path
     assert scene.export().startswith(b"glTF")
 
 
+def test_it_explains_a_ray(row):
+    way = row.explain([0.1, 10, 0.2], np.array([0, -1, 0]), tfar=20)
+    assert way["hit"]["t"] == row.closest([0.1, 10, 0.2], [0, -1, 0])["t"][0]
+    assert way["steps"][-1]["kind"] in ("triangle", "instance", "cell") and not way["truncated"]
+    first = way["hit"]["instance_id"], way["hit"]["primitive_id"]
+    assert row.explain([0.1, 10, 0.2], [0, -1, 0], exclude=first, max_steps=1)["hit"]["t"] > way["hit"]["t"]
+
+
 def test_it_moves_deforms_and_renders(row):
     assert row.closest([0, 10, 0], [0, -1, 0])["t"][0] == pytest.approx(9.0)
     lifted = np.eye(4)[:3]

@@ -29,7 +29,7 @@ def test_the_curl_examples_run(server, tmp_path):
     done = subprocess.run(["bash", "-euo", "pipefail", "-c", block], cwd=tmp_path, capture_output=True, text=True,
                           timeout=60, check=False, env=os.environ | {"URL": server.url, "MODEL": str(model)})
     assert done.returncode == 0, done.stdout + done.stderr
-    assert block.count("curl ") == 30
+    assert block.count("curl ") == 31
     assert read_png((tmp_path / "picture.png").read_bytes()).shape[:2] == (240, 320)
     columns = read_columns((tmp_path / "hits.bin").read_bytes())[0]
     assert columns["status"].tolist() == [1] and columns["t"][0] == pytest.approx(899, abs=0.01)
@@ -49,9 +49,11 @@ def test_the_curl_examples_run(server, tmp_path):
     assert answers[3]["splits"] == [0, len(answers[3]["t"])] and answers[4]["crossings"][0] % 2 == 0
     assert answers[5]["distance"] == [pytest.approx(890, abs=0.01)] and answers[6]["place"] == [1]
     assert answers[7]["visible"] == [False, True] and answers[7]["instance_id"][1] is None
+    assert answers[-4]["steps"][0]["kind"] and answers[-4]["truncated"] is False
     assert answers[-1]["scene_version"] == "2"
     updates = [json.loads(line) for line in (tmp_path / "updates.ndjson").read_text().splitlines()]
-    assert [(line["version"], line["edits"][0]["op"]) for line in updates] == [(3, "replace_vertices"), (4, "set_pose")]
+    assert [line["edits"][0]["op"] for line in updates] == ["replace_vertices", "set_pose", "change_instance"]
+    assert [line["version"] for line in updates] == [3, 4, 5]
     assert answers[9]["action"] in ("refit", "rebuild") and answers[9]["scene_version"] == "3"
 
 

@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "proto/explain_request.h"
 #include "proto/point_request.h"
 #include "proto/pose_request.h"
 #include "proto/ray_request.h"
@@ -49,7 +50,7 @@ void check_pairs(std::string_view body, const proto::Limits& limits) {
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace gridcast::proto;
   fuzz::FuzzInput input(data, size);
-  const std::uint32_t which = input.below(15);
+  const std::uint32_t which = input.below(16);
   const std::string_view body = input.text();
   const Limits limits;
   switch (which) {
@@ -90,6 +91,9 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
       break;
     case 13:
       check(parse_sensor_request(body, {}, limits));
+      break;
+    case 14:
+      check(parse_explain_request(body, {}, limits));
       break;
     default:
       check(parse_add_instance(body, limits));

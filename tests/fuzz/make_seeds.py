@@ -20,8 +20,8 @@ import models  # noqa: E402
 # First byte of json_fuzz by the path that a body is sent to, in the order of its switch.
 JSON_KINDS = {"rays/closest": 0, "rays/any": 1, "rays/all": 2, "rays/count": 3, "points/": 4, "/vertices": 5,
               "/transactions": 6, "/pose": 7, "/weights": 8, "renders": 9, "/instances": 10, "tradeoffs": 11,
-              "/visibility": 12, "/sensors": 13}
-ADD_INSTANCE = 14
+              "/visibility": 12, "/sensors": 13, "/explain": 14}
+ADD_INSTANCE = 15
 
 
 def write(target, name, data):

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/error_table.h"
+#include "proto/explain_request.h"
 #include "proto/limits.h"
 #include "proto/openapi.h"
 #include "proto/vocabulary.h"
@@ -61,6 +62,12 @@ TEST(Contract, vocabularies_are_the_published_ones) {
     EXPECT_EQ(edits.at(i).at("properties").at("op").at("const"), kEditNames[i]);
   EXPECT_EQ(words(kRayClassNames), schema("RayClass").at("enum"));
   EXPECT_EQ(words(kBuiltStructureNames), schema("StructureKind").at("enum"));
+  const auto step = [](const char* kind, const char* member) {
+    return schema(kind).at("properties").at(member).at("enum");
+  };
+  EXPECT_EQ(words(kCellContentNames), step("CellStep", "content"));
+  EXPECT_EQ(words(kInstanceOutcomeNames), step("InstanceStep", "outcome"));
+  EXPECT_EQ(words(kTriangleVerdictNames), step("TriangleStep", "verdict"));
   EXPECT_EQ(words(kImageFormatNames), schema("Render").at("properties").at("format").at("enum"));
 }
 
@@ -77,6 +84,10 @@ TEST(Contract, published_limits_are_the_defaults) {
   EXPECT_EQ(sweep.at("deadline_ms").at("maximum"), limits.job_deadline_ms);
   EXPECT_EQ(schema("Rays").at("properties").at("origins").at("maxItems"), limits.json_rays);
   EXPECT_EQ(schema("Rays").at("properties").at("deadline_ms").at("maximum"), limits.deadline_ms);
+  const Json& explain = schema("RayToExplain").at("properties");
+  EXPECT_EQ(explain.at("max_steps").at("maximum"), limits.explain_steps);
+  EXPECT_EQ(explain.at("max_steps").at("default"), kDefaultExplainSteps);
+  EXPECT_EQ(explain.at("deadline_ms").at("maximum"), limits.deadline_ms);
   const Json& lists = schema("RaysForLists").at("properties");
   EXPECT_EQ(lists.at("max_hits").at("maximum"), limits.hits_per_ray);
   EXPECT_EQ(lists.at("origins").at("maxItems"), limits.json_rays);
