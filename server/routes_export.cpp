@@ -24,7 +24,8 @@ std::optional<Problem> check_answer_memory(const Api& api, std::uint64_t bytes) 
 
 HttpResponse export_scene(Api& api, const HttpRequest& request, const Cancellation& cancellation) {
   Timing timing;
-  if (const auto problem = proto::check_query(request.query)) return problem_response(*problem);
+  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
+    return problem_response(*problem);
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;

@@ -11,7 +11,7 @@ import models
 from conftest import wait_until
 
 READS = ["", "/meshes", "/meshes/1", "/meshes/1/vertices", "/meshes/1/weights", "/pose", "/instances", "/instances/0",
-         "/structure"]
+         "/structure", "/export"]
 RAY = {"origins": [[0.1, 50, 0.2], [10.1, 50, 0.1]], "directions": [[0, -1, 0], [0, -1, 0]]}
 QUESTIONS = {
     "/rays/closest": RAY, "/rays/any": RAY, "/rays/all": RAY, "/rays/count": RAY,
@@ -20,6 +20,7 @@ QUESTIONS = {
     "/sensors": {"type": "grid", "columns": 2, "rows": 2, "spacing": [1, 1],
                  "pose": {"eye": [0, 50, 0.5], "target": [0, 0, 0]}},
     "/renders": {"width_px": 8, "height_px": 8},
+    "/explain": {"origin": [0.1, 50, 0.2], "direction": [0, -1, 0]},
 }
 
 
