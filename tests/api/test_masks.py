@@ -72,6 +72,16 @@ def test_a_query_sees_what_has_a_bit_in_common_with_it(masked, without, mask):
     assert masked.post("/renders", exr | {"mask": mask}).body == seen.post("/renders", exr).body
 
 
+def test_the_way_of_a_ray_tells_whom_a_mask_hides(masked):
+    ray = {"origin": [3, 50, 0], "direction": [0, -1, 0]}
+    whole, way = masked.post("/explain", ray).json(), masked.post("/explain", ray | {"mask": 1}).json()
+    assert whole["hit"]["instance_id"] == 1 and way["hit"]["instance_id"] == 5
+    outcomes = {step["instance_id"]: step["outcome"] for step in way["steps"] if step["kind"] == "instance"}
+    assert outcomes[1] == "masked" and outcomes[5] == "entered"
+    assert masked.post("/explain", ray, mask=1).json() == way
+    assert masked.post("/explain", ray | {"mask": 0}).problem() == ("out_of_range", "/mask")
+
+
 def test_without_a_mask_all_but_those_of_mask_0_are_there(masked):
     down = models.rays_down([[3.0 * i, 0.0] for i in range(5)])
     assert masked.cast(down).columns()["instance_id"].tolist() == [0, 1, 2, 5, 4]
