@@ -218,8 +218,8 @@ Status MeshEdits::apply(SceneEditor& editor, std::uint32_t mesh_id, Pending& pen
   const bool wants =
       rebuilds_ == RebuildPlace::kInBackground && !is_kept && wants_better_tree(action->blas, terms.asked);
   if (wants) action->reason += " A better tree is being built.";
-  pending.report = {
-      mesh_id, action->kind, action->reason, wants, old.stats().cost, action->blas.stats().cost, 0.0};
+  pending.report = {mesh_id, action->kind, action->reason, wants, old.stats().cost, action->blas.stats().cost,
+                    0.0};
   editor.set_mesh(mesh_id, std::move(action->blas));
   pending.report.ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   return ok_status();

@@ -30,8 +30,8 @@ inline constexpr double kMortonCostRatio = 1.2;
 /// Morton tree (tests/bench has figures). A mesh at rest is met in tens, one whose vertices are thrown about
 /// in thousands.
 inline constexpr double kCrowdedBoxes = 4096.0;
-/// Larger meshes get such a tree from the background alone: it takes four times as long as one in Morton
-/// order, some 3 us of processor time a triangle.
+/// Larger meshes get such a tree from the background alone: it takes four to seven times as long as one
+/// in Morton order, 2 to 3 us of processor time a triangle.
 inline constexpr std::size_t kSharedRebuildTriangles = std::size_t(1) << 20;
 
 /// How a tree is built anew.
