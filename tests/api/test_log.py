@@ -29,14 +29,11 @@ def move(scene, height):
     return reply.version()
 
 
-def everything(scene):
-    """What can be seen of a scene, bit for bit."""
-    rays = models.random_rays(3000, seed=5, reach=30.0)
-    seen = [scene.cast(rays).body, scene.get("/pose").body]
-    seen += [scene.get(f"/meshes/{mesh['mesh_id']}/vertices", accept=VERTICES).body
-             for mesh in scene.get("/meshes").json()["meshes"]]
-    seen.append(scene.get("/instances").body)
-    return seen
+def everything(scene, rays=3000, **query):
+    """What can be seen of a scene of three meshes, bit for bit."""
+    seen = [scene.cast(models.random_rays(rays, seed=5, reach=30.0), **query).body]
+    seen += [scene.get(f"/meshes/{mesh_id}/vertices", accept=VERTICES, **query).body for mesh_id in range(3)]
+    return seen + [scene.get(below, **query).body for below in ("/instances", "/pose")]
 
 
 class Editor:
@@ -125,8 +122,9 @@ def kept_for_long(start_server):
     return server.client.load(models.moving(), structure="wide_bvh")
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_the_log_played_on_a_fork_of_the_first_version_makes_the_same_scene(kept_for_long, seed):
+    """And every version between: a pose from the rest hides what the one before it did."""
     scene = kept_for_long
     editor = Editor(scene, seed)
     editor.random.shuffle(order := ROUTES * 2 + list(editor.random.choice(ROUTES, 6)))
@@ -142,6 +140,7 @@ def test_the_log_played_on_a_fork_of_the_first_version_makes_the_same_scene(kept
     for line in lines:
         reply = fork.post("/transactions", {"edits": line["edits"]})
         assert reply.status == 200 and reply.version() == line["version"], (line, reply)
+        assert everything(fork, 300) == everything(scene, 300, at_version=line["version"]), line
     assert everything(fork) == everything(scene)
     assert log(fork, 1) == lines, "its own log tells the same"
 
