@@ -12,6 +12,7 @@
 
 #include "proto/limits.h"
 #include "server/http_types.h"
+#include "server/import_helper.h"
 #include "server/jobs.h"
 #include "server/kept_answers.h"
 #include "server/memory_budget.h"
@@ -37,6 +38,7 @@ struct Api {
   WorkGate tradeoff_gate{1};
   KeptAnswers kept_answers;
   std::size_t threads = 1;
+  std::unique_ptr<ImportHelper> importer;  ///< of models; null: this process parses them
   std::function<std::size_t()> requests_in_flight = [] { return std::size_t(0); };
   std::function<bool()> ready = [] { return true; };
   std::atomic<std::size_t> event_streams{0};  ///< open now

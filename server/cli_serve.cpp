@@ -78,6 +78,7 @@ class ServeCommand final : public Command {
     if (!archive) return report("serve", archive.error());
     const bool is_empty = *archive == nullptr && options_.load.empty();
     Api api(options_.limits, limit.threads(), std::move(archive).value());
+    if (!options_.import_in_process) api.importer = std::make_unique<ImportHelper>();
     std::atomic<bool> loaded{is_empty};
     api.ready = [&] { return loaded && !stop.stop_requested(); };
     return serve(api, loaded, stop);

@@ -129,6 +129,8 @@ void add_serve_options(CLI::App& app, ServeOptions& options) {
   app.add_option("--threads", options.threads, "Threads for builds, rays and pictures; 0 = every core")
       ->capture_default_str()
       ->check(CLI::Range(0, 4096));
+  app.add_flag("--import-in-process", options.import_in_process,
+               "Parse uploaded models in this process, not in one of their own that may do nothing else");
   add_connection_options(app, options.http);
   add_limit_options(app, options.limits);
   app.add_option("--log-level", options.log_level, "debug, info, warning, error or off")

@@ -22,6 +22,7 @@ struct ServeOptions {
   std::string tokens_file;  ///< empty: no access control
   std::string data_folder;  ///< empty: scenes live in memory alone
   bool ephemeral = false;
+  bool import_in_process = false;
   store::ArchiveOptions archive;
 };
 

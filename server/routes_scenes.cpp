@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "proto/media_type.h"
 #include "proto/replies.h"
 #include "proto/scene_request.h"
@@ -15,6 +17,32 @@ using proto::ProblemCode;
 
 enum class SceneBody { kModel, kJson };
 
+/// Beyond the deadline, which ends the work first.
+constexpr double kCpuSlackS = 2.0;
+
+/// What is left of the memory, and the time that a request has.
+ImportBounds import_bounds(const Api& api) {
+  ImportBounds bounds;
+  bounds.cpu_s = std::uint64_t(std::ceil(api.limits.deadline_ms / 1000.0 + kCpuSlackS));
+  if (api.memory.bytes() == 0) return bounds;
+  const std::uint64_t used = api.memory.used();
+  bounds.memory_bytes = api.memory.bytes() > used ? api.memory.bytes() - used : 0;
+  return bounds;
+}
+
+/// load_scene, but that the helper parses.
+Result<LoadedScene> load_by_helper(const Api& api, std::span<const std::byte> bytes,
+                                   const LoadOptions& options) {
+  const Clock::time_point started = Clock::now();
+  auto data = api.importer->import(bytes, options.gltf, import_bounds(api), options.stop);
+  if (!data) return data.error();
+  const Clock::time_point imported = Clock::now();
+  auto scene = build_scene(std::move(data).value(), {options.blas, options.stop, {}});
+  if (!scene) return scene.error();
+  return LoadedScene{std::move(scene).value(), ms_between(started, imported),
+                     ms_between(imported, Clock::now())};
+}
+
 std::variant<LoadedScene, Problem> load(const Api& api, const HttpRequest& request,
                                         const proto::SceneQuery& query, SceneBody body,
                                         const Cancellation& cancellation) {
@@ -25,7 +53,8 @@ std::variant<LoadedScene, Problem> load(const Api& api, const HttpRequest& reque
   options.gltf.limits.file_bytes = api.limits.glb_bytes;
   options.stop = cancellation.token();
   if (body == SceneBody::kModel) {
-    auto loaded = load_scene(std::as_bytes(std::span(request.body)), options);
+    const auto bytes = std::as_bytes(std::span(request.body));
+    auto loaded = api.importer ? load_by_helper(api, bytes, options) : load_scene(bytes, options);
     if (!loaded) return problem_of(loaded.error(), proto::ErrorContext::kImport, cancellation);
     return std::move(loaded).value();
   }

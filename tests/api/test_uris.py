@@ -67,10 +67,15 @@ def test_the_system_calls_show_no_file_and_no_connection(start_server, strace, t
 
 
 def harmless(call):
-    """Calls of the C library and the kernel's own pseudo files that threads and allocators read."""
+    """Calls of the C library and the kernel's own pseudo files that threads and allocators read, and the start of
+    the process that parses a model, with its libraries."""
     named = re.search(r'"([^"]*)"', call)
     if named is None:
         return "connect(" not in call
+    if "execve(" in call:
+        return '["/proc/self/exe", "import-helper"], ' in call
+    if re.match(r"(/etc/ld\.so\.(cache|preload)|(/usr)?/lib(64)?/[^ ]*\.so[.0-9a-z]*|/usr/lib/ssl/openssl\.cnf)$", named.group(1)):
+        return "O_WRONLY" not in call and "O_RDWR" not in call
     return re.match(r"(/proc/(self|sys|cpuinfo|meminfo|stat)|/sys/(devices|fs|kernel)|/etc/localtime|/usr/share/zoneinfo|$)",
                     named.group(1)) is not None and "/proc/self/environ" not in call and "/proc/self/fd" not in call
 
