@@ -7,7 +7,7 @@ import time
 import models
 
 CORES = len(os.sched_getaffinity(0))
-ALWAYS_TAKEN = 8 * CORES  # of heavy questions; server/http_server.cpp
+ALWAYS_TAKEN = 5 * CORES  # of heavy questions; server/http_server.cpp
 
 
 def test_heavy_questions_beyond_some_for_each_core_are_refused_and_small_ones_are_not(start_server):
