@@ -119,6 +119,9 @@ class Client {
   Client(const Client&) = delete;
   Client& operator=(const Client&) = delete;
 
+  [[nodiscard]] bool try_send(const std::string& text) const {
+    return ::send(socket_, text.data(), text.size(), MSG_NOSIGNAL) == ssize_t(text.size());
+  }
   Client& send(const std::string& text) {
     EXPECT_EQ(::send(socket_, text.data(), text.size(), MSG_NOSIGNAL), ssize_t(text.size()));
     return *this;
@@ -166,6 +169,7 @@ class FewThreads {
   }
   void release() { release_ = true; }
   [[nodiscard]] int port() const { return port_; }
+  [[nodiscard]] std::size_t in_flight() const { return server_.requests_in_flight(); }
   std::list<Client>& held() { return held_; }
 
  private:
@@ -221,6 +225,7 @@ TEST(Lanes, probes_and_few_rays_are_answered_while_every_thread_is_taken) {
         "Content-Length: 5\r\nConnection: close\r\n\r\nhello";
     EXPECT_TRUE(has(Client(server.port()).send(post).read_all(), "5 bytes"));
   }
+  EXPECT_EQ(server.in_flight(), 2U) << "both threads were taken all the while";
   // On a connection that goes on with something else it waits for a thread like everybody.
   Client mixed(server.port());
   mixed.send(get("/healthz/live", "") + get("/other"));
@@ -246,20 +251,24 @@ TEST(Lanes, a_busy_connection_gives_its_thread_to_those_who_wait) {
   }
 }
 
-TEST(Lanes, a_refusal_arrives_though_the_body_is_still_coming) {
+TEST(Lanes, who_still_sends_a_body_is_told_of_the_refusal) {
   FewThreads server(0);
   server.hold();
+  int went_through = 0;
   for (int i = 0; i < 20; ++i) {
     Client client(server.port());
     client.send(
         "POST /v1/scenes/a/rays/closest HTTP/1.1\r\nHost: x\r\nContent-Type: text/plain\r\n"
         "Content-Length: 90000\r\n\r\n" +
         std::string(45'000, 'x'));
+    std::this_thread::sleep_for(milliseconds(20));
+    // Were the connection closed at once, this would fail, and many clients would not look for an answer.
+    went_through += client.try_send(std::string(45'000, 'x')) ? 1 : 0;
     const std::string answer = client.read_all();
     EXPECT_TRUE(has(answer, "HTTP/1.1 503")) << answer;
     EXPECT_TRUE(has(answer, "Retry-After: ")) << answer;
-    EXPECT_FALSE(has(answer, "cut")) << answer;
   }
+  EXPECT_GE(went_through, 10) << "it is read and thrown away for a while";
 }
 
 }  // namespace
