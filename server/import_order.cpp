@@ -52,9 +52,11 @@ using store::ByteReader;
 using store::ByteWriter;
 
 constexpr std::size_t kSizeBytes = sizeof(std::uint64_t);
+/// Both ends are the same program.
+constexpr std::uint32_t kOnlyFormat = 1;
 
 std::string encode_size(std::size_t size) {
-  ByteWriter writer;
+  ByteWriter writer(kOnlyFormat);
   writer(std::uint64_t(size));
   return writer.take();
 }
@@ -74,7 +76,7 @@ std::optional<std::string_view> take_piece(std::string_view& bytes) {
 
 template <class T>
 std::string encode_one(const T& value) {
-  ByteWriter writer;
+  ByteWriter writer(kOnlyFormat);
   writer(value);
   return writer.take();
 }
