@@ -145,8 +145,9 @@ class Blas {
   template <Precision kPrecision>
   void intersect_every(const mesh::ObjectRay& ray, HitSink& sink) const;
 
-  /// What intersect() does, or for kExact intersect_exact(), told to `way`; `best` is a Hit or an ExactBest. The
-  /// same nodes in the same order, the same triangles tested, the same hit bit for bit (core/blas/explain.h).
+  /// What intersect() does, or for kExact intersect_exact(), told to `way`; `best` is a Hit or an ExactBest.
+  /// The same nodes in the same order, the same triangles tested, the same hit bit for bit
+  /// (core/blas/explain.h).
   template <Precision kPrecision, class Best>
   void explain(const mesh::ObjectRay& ray, Best& best, RayWay& way) const;
 
