@@ -1,10 +1,10 @@
 #pragma once
 
-#include <chrono>
-#include <optional>
+#include <functional>
+#include <memory>
 #include <span>
+#include <stop_token>
 #include <string>
-#include <variant>
 
 #include "core/io/gltf.h"
 #include "core/scene/scene.h"
@@ -24,6 +24,9 @@ struct LoadedScene {
   double build_ms = 0.0;
 };
 
+/// Where a scene comes from.
+using Import = std::function<Result<scene::SceneData>()>;
+[[nodiscard]] Result<LoadedScene> load_scene(const Import& import, const LoadOptions& options);
 /// Imports and builds: from memory (a client's bytes: nothing is opened) or from a file (the operator's own).
 [[nodiscard]] Result<LoadedScene> load_scene(std::span<const std::byte> bytes, const LoadOptions& options);
 [[nodiscard]] Result<LoadedScene> load_scene_file(const std::string& path, const LoadOptions& options);

@@ -30,17 +30,11 @@ ImportBounds import_bounds(const Api& api) {
   return bounds;
 }
 
-/// load_scene, but that the helper parses.
-Result<LoadedScene> load_by_helper(const Api& api, std::span<const std::byte> bytes,
-                                   const LoadOptions& options) {
-  const Clock::time_point started = Clock::now();
-  auto data = api.importer->import(bytes, options.gltf, import_bounds(api), options.stop);
-  if (!data) return data.error();
-  const Clock::time_point imported = Clock::now();
-  auto scene = build_scene(std::move(data).value(), {options.blas, options.stop, {}});
-  if (!scene) return scene.error();
-  return LoadedScene{std::move(scene).value(), ms_between(started, imported),
-                     ms_between(imported, Clock::now())};
+/// By the helper, where there is one.
+Result<LoadedScene> load_model(const Api& api, std::span<const std::byte> bytes, const LoadOptions& options) {
+  if (!api.importer) return load_scene(bytes, options);
+  return load_scene(
+      [&] { return api.importer->import(bytes, options.gltf, import_bounds(api), options.stop); }, options);
 }
 
 std::variant<LoadedScene, Problem> load(const Api& api, const HttpRequest& request,
@@ -53,8 +47,7 @@ std::variant<LoadedScene, Problem> load(const Api& api, const HttpRequest& reque
   options.gltf.limits.file_bytes = api.limits.glb_bytes;
   options.stop = cancellation.token();
   if (body == SceneBody::kModel) {
-    const auto bytes = std::as_bytes(std::span(request.body));
-    auto loaded = api.importer ? load_by_helper(api, bytes, options) : load_scene(bytes, options);
+    auto loaded = load_model(api, std::as_bytes(std::span(request.body)), options);
     if (!loaded) return problem_of(loaded.error(), proto::ErrorContext::kImport, cancellation);
     return std::move(loaded).value();
   }
