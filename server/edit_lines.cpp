@@ -19,6 +19,9 @@ struct ToWire {
     to.add(proto::InstanceMove{edit.instance_id, edit.world_from_object});
   }
   void operator()(const scene::ChangeInstance& edit) const {
+    // A move and nothing else has a shorter name.
+    if (edit.world_from_object && !edit.mask && !edit.name)
+      return (*this)(scene::MoveInstance{edit.instance_id, *edit.world_from_object});
     to.add(proto::InstanceChange{edit.instance_id, {edit.world_from_object, edit.mask, edit.name}});
   }
   void operator()(const scene::MoveInstances& edit) const {
