@@ -124,8 +124,7 @@ Status bench_load(const measure::BenchScene& bench_scene, const measure::BenchOp
   for (const std::size_t threads : options.threads) {
     const ThreadLimit limit(threads);
     for (const auto& part : kParts) {
-      const Status status =
-          part({bench_scene.name, *scene, bench_scene.view, *rays, threads, options, report});
+      Status status = part({bench_scene.name, *scene, bench_scene.view, *rays, threads, options, report});
       if (options.stop.stop_requested()) return Error{ErrorCode::kCancelled, "the benchmark was stopped", ""};
       if (!status) return status;
       if (progress) progress(double(++done) / double(kParts.size() * options.threads.size()));

@@ -10,7 +10,7 @@ namespace gridcast::server {
 namespace {
 
 /// Columns that a level is indented by.
-constexpr int kIndent = 2;
+constexpr std::size_t kIndent = 2;
 
 [[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
   char text[256];
@@ -80,7 +80,7 @@ class WayText {
   }
   [[nodiscard]] std::string take() && { return std::move(text_); }
   void line(int level, const std::string& text) {
-    text_.append(std::size_t(level * kIndent), ' ').append(text).append("\n");
+    text_.append(kIndent * std::size_t(level), ' ').append(text).append("\n");
   }
 
  private:
