@@ -102,7 +102,7 @@ def check_file(root, path, users):
             problem = own_include_problem(root, path, name)
         else:
             problem = system_include_problem(path, name)
-            prefix = longest_prefix(rules.ONE_FILE_ONLY, name)
+            prefix = longest_prefix(rules.FEW_FILES_ONLY, name)
             if prefix is not None:
                 users[prefix].add(path)
         if problem:
@@ -115,8 +115,8 @@ def check_includes(root):
     for path in files_of(root, SOURCES):
         problems += check_file(root, path, users)
     for prefix, paths in users.items():
-        if len(paths) > rules.ONE_FILE_ONLY[prefix]:
-            problems.append(f"{max(paths)}:1: <{prefix}> is for one file alone, found in {', '.join(sorted(paths))}")
+        if len(paths) > rules.FEW_FILES_ONLY[prefix]:
+            problems.append(f"{max(paths)}:1: <{prefix}> is for few files alone (see FEW_FILES_ONLY), found in {', '.join(sorted(paths))}")
     return problems
 
 

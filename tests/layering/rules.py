@@ -72,7 +72,7 @@ THIRD_PARTY = {
 
 # Libraries that few files may include, wherever they are: {prefix: how many}. Embree is a tree of core/blas
 # and the yardstick of core/measure; the HTTP library is the edge of the server and the yardstick beside it.
-ONE_FILE_ONLY = {"httplib.h": 2, "embree3/": 2, "sqlite3.h": 1, "zstd.h": 1}
+FEW_FILES_ONLY = {"httplib.h": 2, "embree3/": 2, "sqlite3.h": 1, "zstd.h": 1}
 
 # System headers (POSIX): who talks to the operating system.
 SYSTEM = {

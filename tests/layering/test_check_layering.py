@@ -23,6 +23,7 @@ CLEAN = {
     "proto/codec.h": '#pragma once\n#include "core/error.h"\n#include "core/math/vec.h"\n',
     "server/routes.cpp": '#include "core/scene/scene.h"\n#include "proto/codec.h"\n#include <iostream>\n',
     "server/http.cpp": "#include <httplib.h>\n",
+    "server/yardstick.cpp": "#include <httplib.h>\n",
     "tests/unit/scene_test.cpp": '#include <gtest/gtest.h>\n#include "core/scene/scene.h"\n',
 }
 
@@ -47,7 +48,7 @@ VIOLATIONS = {
     "openmesh_in_scene": ("core/scene/a.cpp", "#include <OpenMesh/Core/IO/MeshIO.hh>\n", "third-party"),
     "tinygltf_in_server": ("server/a.cpp", "#include <tiny_gltf.h>\n", "third-party"),
     "httplib_in_proto": ("proto/a.cpp", "#include <httplib.h>\n", "third-party"),
-    "httplib_in_two_files": ("server/second.cpp", "#include <httplib.h>\n", "for one file alone"),
+    "httplib_in_three_files": ("server/third.cpp", "#include <httplib.h>\n", "for few files alone"),
     "json_in_the_scene": ("core/scene/a.cpp", "#include <nlohmann/json.hpp>\n", "third-party"),
     "gtest_in_core": ("core/math/a.cpp", "#include <gtest/gtest.h>\n", "third-party"),
     "an_unknown_library": ("server/a.cpp", "#include <curl/curl.h>\n", "in no table"),
