@@ -4,22 +4,10 @@
 #include <cstdlib>
 #include <string>
 
+#include "proto/header_text.h"
+
 namespace gridcast::proto {
 namespace {
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t begin = std::min(text.find_first_not_of(" \t"), text.size());
-  const std::size_t end = text.find_last_not_of(" \t");
-  return end == std::string_view::npos ? std::string_view() : text.substr(begin, end + 1 - begin);
-}
-
-/// Codings are compared without regard to case.
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower)
-    if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
-  return lower;
-}
 
 /// `0`, `0.25`, `1.000`: a digit, and at most three behind a point.
 std::optional<double> read_weight(std::string_view text) {

@@ -5,24 +5,13 @@
 #include <cstdint>
 #include <string>
 
+#include "proto/header_text.h"
+
 namespace gridcast::proto {
 namespace {
 
 // Longer waits are the server's deadline anyway.
 constexpr std::uint32_t kMaxWaitSeconds = 86'400;
-
-std::string_view trimmed(std::string_view text) {
-  const std::size_t begin = std::min(text.find_first_not_of(" \t"), text.size());
-  const std::size_t end = text.find_last_not_of(" \t");
-  return end == std::string_view::npos ? std::string_view() : text.substr(begin, end + 1 - begin);
-}
-
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  for (char& c : lower)
-    if (c >= 'A' && c <= 'Z') c = char(c - 'A' + 'a');
-  return lower;
-}
 
 std::optional<double> read_seconds(std::string_view text) {
   if (text.size() >= 2 && text.front() == '"' && text.back() == '"') text = text.substr(1, text.size() - 2);

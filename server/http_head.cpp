@@ -4,10 +4,14 @@
 #include <array>
 #include <cctype>
 
+#include "proto/header_text.h"
+
 namespace gridcast::server {
 namespace {
 
+using proto::lower_case;
 using proto::ProblemCode;
+using proto::trimmed;
 
 bool is_token_character(char c) {
   return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
@@ -22,16 +26,6 @@ bool is_visible(char c) {
 // Field values may hold spaces, tabs and bytes above ASCII, never controls.
 bool is_field_character(char c) {
   return c == '\t' || (static_cast<unsigned char>(c) >= 0x20 && c != 0x7f);
-}
-std::string lower_case(std::string_view text) {
-  std::string result(text);
-  for (char& c : result) c = char(std::tolower(static_cast<unsigned char>(c)));
-  return result;
-}
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
-  while (!text.empty() && (text.back() == ' ' || text.back() == '\t')) text.remove_suffix(1);
-  return text;
 }
 
 std::optional<HeadError> read_request_line(std::string_view line, HttpHead& head) {

@@ -2,6 +2,7 @@
 
 import json
 import struct
+import urllib.parse
 
 import numpy as np
 
@@ -78,3 +79,20 @@ def _refs(ids, count):
     """Ids [N, 2] as JSON has them: null for none."""
     rows = np.broadcast_to(np.asarray(ids, np.int64), (count, 2)).tolist()
     return [None if row == [NO_ID, NO_ID] else row for row in rows]
+
+
+def given(**members):
+    """Those that are not None, as JSON takes them."""
+    plain = {name: value.tolist() if hasattr(value, "tolist") else value for name, value in members.items()}
+    return {name: value for name, value in plain.items() if value is not None}
+
+
+def names_of(fields):
+    """Names of columns as the parameter `fields`."""
+    return None if fields is None else ",".join(fields)
+
+
+def query_of(parameters):
+    """`?name=value&...` of those that are given."""
+    text = urllib.parse.urlencode(given(**parameters))
+    return text and "?" + text
