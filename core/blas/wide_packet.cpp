@@ -1,11 +1,12 @@
 // Packets through the wide tree, compiled once per instruction set and chosen at run time by Highway.
-// All of it only culls; test_triangle decides, so hits are those of single rays.
+// All of it only culls; decide_lane decides, so hits are those of single rays.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/blas/wide_packet.cpp"  // NOLINT: Highway includes this file once per target
 
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "core/blas/block_filter-inl.h"
 #include "core/blas/collector.h"
 #include "core/blas/exact_packet.h"
 #include "core/blas/packet_frame-inl.h"
@@ -193,8 +194,9 @@ class PacketWalk {
   HWY_INLINE bool decide(const TriangleBlock& block, std::size_t lane, std::uint32_t r) {
     if ((prepared_ >> r & 1U) == 0 && !prepare_ray(r)) return true;
     auto collector = collector_of(r);
-    if (test_triangle<kPrecision>(rays_[r], block.corner(0, lane), block.corner(1, lane),
-                                  block.corner(2, lane), block.ids[lane], collector) == Offer::kGoOn)
+    typename decltype(collector)::Candidate hit;
+    if (!decide_lane<kPrecision>(block, std::uint32_t(lane), rays_[r], hit) ||
+        collector.offer(rays_[r], hit, block.ids[lane]) == Offer::kGoOn)
       return false;
     hits_ |= 1U << r;
     if constexpr (kAnyHit) {

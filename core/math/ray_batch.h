@@ -104,12 +104,15 @@ struct HitColumns {
       uv[2 * i] = float(hit.u);
       uv[2 * i + 1] = float(hit.v);
     }
-    if (!normal.empty())
-      for (int c = 0; c < 3; ++c) normal[3 * i + std::size_t(c)] = float(hit.normal[c]);
+    if (!normal.empty()) set_normal(i, hit.normal);
     if (!instance_id.empty()) instance_id[i] = hit.instance_id;
     if (!mesh_id.empty()) mesh_id[i] = hit.mesh_id;
     if (!primitive_id.empty()) primitive_id[i] = hit.primitive_id;
     if (!t_error.empty()) t_error[i] = hit.t_error;
+  }
+  /// The normal of row i alone, where normals are wanted.
+  void set_normal(std::size_t i, const Vec3d& unit) {
+    for (int c = 0; c < 3; ++c) normal[3 * i + std::size_t(c)] = float(unit[c]);
   }
 };
 

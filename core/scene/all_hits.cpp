@@ -7,6 +7,7 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include "core/scene/batch_loop.h"
+#include "core/scene/geometric_normal.h"
 #include "core/scene/hit_error.h"
 #include "core/scene/hit_list.h"
 #include "core/scene/trace_one.h"

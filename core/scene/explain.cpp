@@ -3,6 +3,7 @@
 #include <new>
 
 #include "core/mesh/exact_ray.h"
+#include "core/scene/geometric_normal.h"
 #include "core/scene/trace.h"
 #include "core/scene/trace_one.h"
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/scene/geometric_normal.h"
 #include "core/scene/trace_one.h"
 
 namespace gridcast::scene {

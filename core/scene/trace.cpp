@@ -7,8 +7,8 @@
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 
-#include "core/math/exact.h"
 #include "core/scene/batch_trace.h"
+#include "core/scene/geometric_normal.h"
 #include "core/scene/hit_error.h"
 #include "core/scene/ray_order.h"
 #include "core/scene/trace_one.h"
@@ -81,6 +81,26 @@ Error out_of_memory() {
   return {ErrorCode::kLimitExceeded, "not enough memory for the answers", ""};
 }
 
+/// The normals of a run's hits; source(i) is the place of its ray i in the batch.
+template <class Source>
+void keep_normals(const Scene& scene, const RayRun& run, const Source& source, HitColumns& hits) {
+  NormalBatch normals(scene);
+  std::size_t places[NormalBatch::kSize];
+  std::size_t lanes = 0;
+  const auto flush = [&] {
+    normals.make();
+    for (std::size_t lane = 0; lane < lanes; ++lane) hits.set_normal(places[lane], normals.normal(lane));
+    lanes = 0;
+  };
+  for (std::size_t i = 0; i < run.rays.size(); ++i) {
+    if (run.status[i] != RayStatus::kHit) continue;
+    places[lanes] = source(i);
+    normals.set(lanes++, run.hits[i], run.rays[i]);
+    if (lanes == NormalBatch::kSize) flush();
+  }
+  flush();
+}
+
 template <Precision kPrecision>
 bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits) {
   const auto keep = [&](const RayRun& run, const auto& source) {
@@ -89,12 +109,11 @@ bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions&
       surface.status = run.status[i];
       if (surface.status == RayStatus::kHit) {
         describe(scene, run.hits[i], surface);
-        if (has(options.fields, HitField::kNormal))
-          surface.normal = geometric_normal(scene, run.hits[i], run.rays[i]);
         if (has(options.fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
       }
       hits.set(source(i), surface);
     }
+    if (has(options.fields, HitField::kNormal)) keep_normals(scene, run, source, hits);
   };
   return trace_batch<kPrecision, false>(scene, rays, options, keep);
 }
@@ -109,18 +128,6 @@ bool occluded_all(const Scene& scene, const RayBatch& rays, const TraceOptions& 
 }
 
 }  // namespace
-
-Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
-  const Instance& instance = scene.instance(hit.instance_id);
-  const auto corners = scene.blas(instance.mesh_id).mesh().corners(hit.primitive_id);
-  const Vec3d p0(corners[0]);
-  const Vec3d a = Vec3d(corners[1]) - p0, b = Vec3d(corners[2]) - p0;
-  const Vec3d normal{difference_of_products(a.y, b.z, a.z, b.y), difference_of_products(a.z, b.x, a.x, b.z),
-                     difference_of_products(a.x, b.y, a.y, b.x)};
-  // A sliver whose area is lost to rounding has no side: face the ray.
-  if (!(max_abs(normal) > 0.0)) return -glm::normalize(ray.direction / max_abs(ray.direction));
-  return instance.transform.normal_to_world(normal);
-}
 
 SurfaceHit intersect(const Scene& scene, const Ray& ray, Precision precision, PrimitiveRef excluded,
                      InstanceMask mask) {

@@ -88,7 +88,4 @@ inline void describe(const Scene& scene, const Hit& hit, SurfaceHit& surface) {
   surface.primitive_id = hit.primitive_id;
 }
 
-/// Unit world normal of the geometric kind, from the corners in double.
-[[nodiscard]] Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray);
-
 }  // namespace gridcast::scene
