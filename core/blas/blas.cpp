@@ -250,6 +250,14 @@ bool Blas::has_inside() const {
   return inside_->has_inside;
 }
 
+std::array<Vec3f, 3> Blas::corners(const Hit& hit) const {
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  if (wide == nullptr || hit.corners_at == kInvalidId) return mesh_->corners(hit.primitive_id);
+  const TriangleBlock& block = (*wide)->blocks()[hit.corners_at / 4];
+  const std::size_t lane = hit.corners_at % 4;
+  return {block.corner(0, lane), block.corner(1, lane), block.corner(2, lane)};
+}
+
 bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);
 }

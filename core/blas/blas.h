@@ -1,6 +1,7 @@
 #pragma once
 // The bottom level: one tree per mesh, a closed set of structures behind one interface.
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -122,6 +123,9 @@ class Blas {
 
   [[nodiscard]] const mesh::TriangleMesh& mesh() const { return *mesh_; }
   [[nodiscard]] const std::shared_ptr<const mesh::TriangleMesh>& mesh_ptr() const { return mesh_; }
+  /// The corners of a hit that intersect() or intersect_packet() of this Blas found: those of its triangle in
+  /// mesh(), from where they are nearest.
+  [[nodiscard]] std::array<Vec3f, 3> corners(const Hit& hit) const;
   [[nodiscard]] const Bounds3f& bounds() const { return bounds_; }
   [[nodiscard]] const StructureStats& stats() const { return stats_; }
   [[nodiscard]] const BuildOptions& options() const { return options_; }

@@ -188,12 +188,12 @@ HWY_INLINE bool decide_lane(const TriangleBlock& block, std::uint32_t lane, cons
   }
 }
 
-/// Tests `count` consecutive blocks; what was said to the hits together.
+/// Tests `count` consecutive blocks from `first` on; what was said to the hits together.
 template <Precision kPrecision, Collector C>
-HWY_INLINE Offer intersect_leaf(const TriangleBlock* block, std::uint32_t count, const BlockRay& r,
-                                float s_far, C& collector) {
+HWY_INLINE Offer intersect_leaf(const TriangleBlock* blocks, std::uint32_t first, std::uint32_t count,
+                                const BlockRay& r, float s_far, C& collector) {
   Offer all = Offer::kGoOn;
-  for (; count != 0; --count, ++block) {
+  for (const TriangleBlock* block = blocks + first; count != 0; --count, ++block) {
     const BlockHits hits = filter_block < kPrecision,
                     C::kStopsAtFirst ? Certain::kAsked : Certain::kNotAsked > (*block, r, s_far);
     for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
@@ -204,7 +204,10 @@ HWY_INLINE Offer intersect_leaf(const TriangleBlock* block, std::uint32_t count,
       if (!decide_lane<kPrecision>(*block, lane, r.ray, hit)) continue;
       const Offer offer = collector.offer(r.ray, hit, block->ids[lane]);
       if (offer == Offer::kDone) return offer;
-      if (offer == Offer::kNarrowed) all = offer;
+      if (offer != Offer::kNarrowed) continue;
+      all = offer;
+      if constexpr (std::same_as<C, ClosestHit>)
+        collector.best.corners_at = corners_at(std::size_t(block - blocks), lane);
     }
   }
   return all;

@@ -20,6 +20,11 @@ struct alignas(32) TriangleBlock {
 };
 static_assert(sizeof(TriangleBlock) == 160);
 
+/// Hit::corners_at of lane `lane` of block `block`.
+inline std::uint32_t corners_at(std::size_t block, std::size_t lane) {
+  return std::uint32_t(4 * block + lane);
+}
+
 using TriangleBlocks = std::vector<TriangleBlock, UninitializedAllocator<TriangleBlock>>;
 
 }  // namespace gridcast::blas

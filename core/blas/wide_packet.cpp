@@ -199,6 +199,7 @@ class PacketWalk {
         collector.offer(rays_[r], hit, block.ids[lane]) == Offer::kGoOn)
       return false;
     hits_ |= 1U << r;
+    if constexpr (!kAnyHit && !kExact) best_[r].corners_at = corners_at(std::size_t(&block - blocks_), lane);
     if constexpr (kAnyHit) {
       switch_off(r);
     } else {

@@ -37,7 +37,10 @@ struct WideRay {
   static constexpr std::size_t kUpper = 24, kAxis = 8;
 
   explicit HWY_INLINE WideRay(const mesh::ObjectRay& r)
-      : ray(r), block(r), x(upper(r.inverse_direction.x)), y(kAxis + upper(r.inverse_direction.y)),
+      : ray(r),
+        block(r),
+        x(upper(r.inverse_direction.x)),
+        y(kAxis + upper(r.inverse_direction.y)),
         z(2 * kAxis + upper(r.inverse_direction.z)) {}
 
   const mesh::ObjectRay& ray;
@@ -131,7 +134,7 @@ HWY_INLINE bool traverse(const WideNode* nodes, const TriangleBlock* blocks, con
       }
     } else {
       const Offer offer = intersect_leaf<kPrecision>(
-          blocks + wide_child::index(link), wide_child::block_count(link), r.block, s_far, collector);
+          blocks, wide_child::index(link), wide_child::block_count(link), r.block, s_far, collector);
       if (offer == Offer::kDone) return true;
       if (offer == Offer::kNarrowed) {
         narrowed = true;

@@ -16,6 +16,9 @@ struct Hit {
   double v = 0.0;
   std::uint32_t instance_id = kInvalidId;
   std::uint32_t primitive_id = kInvalidId;
+  /// Where the tree that found the hit keeps the triangle's corners, which Blas::corners understands: they
+  /// are in the cache, where those of the mesh are two misses away. kInvalidId: the mesh knows.
+  std::uint32_t corners_at = kInvalidId;
 
   [[nodiscard]] bool valid() const { return primitive_id != kInvalidId; }
 };

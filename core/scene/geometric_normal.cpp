@@ -104,7 +104,7 @@ Vec3d facing(const Ray& ray) {
 
 Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
   const Instance& instance = scene.instance(hit.instance_id);
-  const auto corners = scene.blas(instance.mesh_id).mesh().corners(hit.primitive_id);
+  const auto corners = scene.blas(instance.mesh_id).corners(hit);
   const Vec3d p0(corners[0]);
   const Vec3d normal = HWY_DYNAMIC_DISPATCH(cross_product)(Vec3d(corners[1]) - p0, Vec3d(corners[2]) - p0);
   return max_abs(normal) > 0.0 ? instance.transform.normal_to_world(normal) : facing(ray);
@@ -112,7 +112,7 @@ Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
 
 void NormalBatch::set(std::size_t lane, const Hit& hit, const Ray& ray) {
   const Instance& instance = scene_.instance(hit.instance_id);
-  const auto corners = scene_.blas(instance.mesh_id).mesh().corners(hit.primitive_id);
+  const auto corners = scene_.blas(instance.mesh_id).corners(hit);
   const Vec3d p0(corners[0]);
   const Vec3d a = Vec3d(corners[1]) - p0, b = Vec3d(corners[2]) - p0;
   for (int axis = 0; axis < 3; ++axis) {
