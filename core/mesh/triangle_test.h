@@ -144,13 +144,22 @@ inline bool intersect_triangle(const ObjectRay& ray, const Vec3f& p0, const Vec3
   }
 }
 
-/// Whether a hit lies in [ray.tnear, tfar] and is not the excluded one.
-inline bool in_range(const ObjectRay& ray, const TriangleHit& hit, double tfar, std::uint32_t primitive_id) {
+/// What becomes of a hit depends on this much of its ray.
+struct RayEnds {
+  double tnear;
+  std::uint32_t instance_id;
+  std::uint32_t excluded_primitive;
+};
+
+/// Whether a hit lies in [ray.tnear, tfar] and is not the excluded one. R: an ObjectRay or RayEnds.
+template <class R>
+inline bool in_range(const R& ray, const TriangleHit& hit, double tfar, std::uint32_t primitive_id) {
   return hit.t >= ray.tnear && hit.t <= tfar && primitive_id != ray.excluded_primitive;
 }
 
 /// Keeps `hit` in `best` when it is in range and closer by the tie rule. True when `best` was replaced.
-inline bool keep_closer(const ObjectRay& ray, const TriangleHit& hit, std::uint32_t primitive_id, Hit& best) {
+template <class R>
+inline bool keep_closer(const R& ray, const TriangleHit& hit, std::uint32_t primitive_id, Hit& best) {
   const Hit candidate{hit.t, hit.u, hit.v, ray.instance_id, primitive_id};
   if (!(hit.t >= ray.tnear) || !closer(candidate, best) || primitive_id == ray.excluded_primitive)
     return false;
