@@ -1,6 +1,7 @@
 #include "core/scene/ray_order.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -58,17 +59,6 @@ Look look_at(const RayBatch& rays, double diagonal) {
   return look;
 }
 
-/// Interleaves the low ten bits of x, y and z.
-std::uint32_t morton3(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
-  const auto spread = [](std::uint32_t v) {
-    v = (v | (v << 16)) & 0x030000FFU;
-    v = (v | (v << 8)) & 0x0300F00FU;
-    v = (v | (v << 4)) & 0x030C30C3U;
-    return (v | (v << 2)) & 0x09249249U;
-  };
-  return spread(x) | (spread(y) << 1) | (spread(z) << 2);
-}
-
 /// Interleaves the low eight bits of x and y.
 std::uint32_t morton2(std::uint32_t x, std::uint32_t y) {
   const auto spread = [](std::uint32_t v) {
@@ -82,34 +72,72 @@ std::uint32_t morton2(std::uint32_t x, std::uint32_t y) {
 /// Cells of a box; what lies outside counts to the nearest.
 class Cells {
  public:
-  Cells(const Bounds3d& box, int bits) : lower_(box.lower), last_((1 << bits) - 1) {
+  Cells(const Bounds3d& box, std::array<int, 3> bits) : lower_(box.lower) {
     const Vec3d extent = glm::max(box.extent(), Vec3d(1e-300));
-    scale_ = Vec3d(double(1 << bits)) / extent;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto count = double(1 << bits[std::size_t(axis)]);
+      last_[axis] = count - 1.0;
+      scale_[axis] = count / extent[axis];
+    }
   }
   [[nodiscard]] std::uint32_t along(const Vec3d& p, int axis) const {
     const double cell = (p[axis] - lower_[axis]) * scale_[axis];
-    return std::uint32_t(cell > 0.0 ? std::min(cell, double(last_)) : 0.0);  // NaN counts to the first
+    return std::uint32_t(cell > 0.0 ? std::min(cell, last_[axis]) : 0.0);  // NaN counts to the first
   }
 
  private:
-  Vec3d lower_, scale_{0.0};
-  int last_;
+  Vec3d lower_, scale_{0.0}, last_{0.0};
 };
 
-/// 15 bits: where the ray starts, and to which of eight sides it goes.
+/// 15 bits: where the ray starts, and below that to which of eight sides it goes. So what one place has in
+/// the caches serves all sides, and packets are still of one side. The bits of the place halve the longest
+/// side of its cell each, so that a flat slab is cut into squares.
 class OriginKey {
  public:
   static constexpr std::uint32_t kCount = 1U << 15;
-  explicit OriginKey(const Bounds3d& origins) : cells_(origins, 4) {}
+  explicit OriginKey(const Bounds3d& origins) : cells_(origins, share_bits(origins)) {}
   std::uint32_t operator()(const Ray& ray) const {
     const std::uint32_t octant = std::uint32_t(ray.direction.x < 0.0) |
                                  std::uint32_t(ray.direction.y < 0.0) << 1 |
                                  std::uint32_t(ray.direction.z < 0.0) << 2;
-    return octant << 12 |
-           morton3(cells_.along(ray.origin, 0), cells_.along(ray.origin, 1), cells_.along(ray.origin, 2));
+    return (bits_of_[0][cells_.along(ray.origin, 0)] | bits_of_[1][cells_.along(ray.origin, 1)] |
+            bits_of_[2][cells_.along(ray.origin, 2)]) +
+           octant;
   }
 
  private:
+  static constexpr int kPlaceBits = 12;
+
+  /// Fills bits_of_; returns how many bits each axis has.
+  std::array<int, 3> share_bits(const Bounds3d& origins) {
+    std::array<int, 3> shares{0, 0, 0};
+    Vec3d cell = origins.extent();
+    std::array<std::size_t, kPlaceBits> axis_of{};
+    for (std::size_t& axis : axis_of) {  // from the highest bit down
+      axis = cell.x >= cell.y ? (cell.x >= cell.z ? 0 : 2) : (cell.y >= cell.z ? 1 : 2);
+      cell[int(axis)] *= 0.5;
+      ++shares[axis];
+    }
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      bits_of_[axis].resize(std::size_t(1) << shares[axis]);
+      for (std::uint32_t i = 0; i < bits_of_[axis].size(); ++i)
+        bits_of_[axis][i] = spread(i, shares[axis], axis_of, axis);
+    }
+    return shares;
+  }
+
+  /// The bits of cell i of an axis, in the places of a key that the axis has.
+  static std::uint32_t spread(std::uint32_t i, int left, const std::array<std::size_t, kPlaceBits>& axis_of,
+                              std::size_t axis) {
+    std::uint32_t key = 0;
+    for (const std::size_t owner : axis_of) {
+      key <<= 1;
+      if (owner == axis) key |= (i >> --left) & 1U;
+    }
+    return key << 3;
+  }
+
+  std::array<std::vector<std::uint32_t>, 3> bits_of_;  ///< set before cells_
   Cells cells_;
 };
 
@@ -117,7 +145,7 @@ class OriginKey {
 class DirectionKey {
  public:
   static constexpr std::uint32_t kCount = 1U << 17;
-  explicit DirectionKey(const Bounds3d& directions) : cells_(directions, 7) {}
+  explicit DirectionKey(const Bounds3d& directions) : cells_(directions, {7, 7, 7}) {}
   std::uint32_t operator()(const Ray& ray) const {
     const Vec3d size = glm::abs(ray.direction);
     const int z = size.x >= size.y ? (size.x >= size.z ? 0 : 2) : (size.y >= size.z ? 1 : 2);
