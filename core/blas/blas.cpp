@@ -258,6 +258,16 @@ std::array<Vec3f, 3> Blas::corners(const Hit& hit) const {
   return {block.corner(0, lane), block.corner(1, lane), block.corner(2, lane)};
 }
 
+void Blas::prefetch_corners(const Hit& hit) const {
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  if (wide == nullptr || hit.corners_at == kInvalidId) {
+    __builtin_prefetch(&mesh_->triangles[hit.primitive_id]);
+    return;
+  }
+  const TriangleBlock& block = (*wide)->blocks()[hit.corners_at / 4];
+  for (const auto& corner : block.corners) __builtin_prefetch(&corner);
+}
+
 bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);
 }

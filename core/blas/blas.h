@@ -126,6 +126,8 @@ class Blas {
   /// The corners of a hit that intersect() or intersect_packet() of this Blas found: those of its triangle in
   /// mesh(), from where they are nearest.
   [[nodiscard]] std::array<Vec3f, 3> corners(const Hit& hit) const;
+  /// Asks for the memory that corners() will read.
+  void prefetch_corners(const Hit& hit) const;
   [[nodiscard]] const Bounds3f& bounds() const { return bounds_; }
   [[nodiscard]] const StructureStats& stats() const { return stats_; }
   [[nodiscard]] const BuildOptions& options() const { return options_; }

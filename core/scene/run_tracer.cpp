@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/scene/geometric_normal.h"
+#include "core/scene/hit_prefetch.h"
 #include "core/scene/trace_one.h"
 
 namespace gridcast::scene {
@@ -17,7 +18,9 @@ void RunTracer::intersect(std::span<const Ray> rays, std::span<const PrimitiveRe
   load(rays, excluded);
   for_precision(precision_,
                 [&]<Precision kPrecision>() { (void)trace_run<kPrecision, false>(target_, run_, {}); });
+  const HitPrefetch prefetch(target_.scene, run_);
   for (std::size_t i = 0; i < rays.size(); ++i) {
+    prefetch.before(i);
     hits[i] = {};
     hits[i].status = run_.status[i];
     if (run_.status[i] != RayStatus::kHit) continue;

@@ -10,6 +10,7 @@
 #include "core/scene/batch_trace.h"
 #include "core/scene/geometric_normal.h"
 #include "core/scene/hit_error.h"
+#include "core/scene/hit_prefetch.h"
 #include "core/scene/ray_order.h"
 #include "core/scene/trace_one.h"
 
@@ -104,7 +105,9 @@ void keep_normals(const Scene& scene, const RayRun& run, const Source& source, H
 template <Precision kPrecision>
 bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits) {
   const auto keep = [&](const RayRun& run, const auto& source) {
+    const HitPrefetch prefetch(scene, run);
     for (std::size_t i = 0; i < run.rays.size(); ++i) {
+      prefetch.before(i);
       SurfaceHit surface;
       surface.status = run.status[i];
       if (surface.status == RayStatus::kHit) {
