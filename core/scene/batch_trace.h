@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <stop_token>
 #include <vector>
@@ -12,19 +11,24 @@
 #include "core/math/hit.h"
 #include "core/math/ray_batch.h"
 #include "core/scene/scene.h"
+#include "core/scene/trace_stats.h"
 
 namespace gridcast::scene {
 
+/// Which rays of a batch go in groups of sixteen (core/scene/group_trace.h). kNever: each by itself.
+/// kWherePacketsForm: while a packet forms wherever the first groups of a stretch come to an instance.
+/// kAlways: the top level is so large that rays wait for memory, which a group does side by side.
+enum class Grouping : std::uint8_t { kNever, kWherePacketsForm, kAlways };
+
 /// What is the same for all rays of a batch.
 struct BatchTarget {
-  BatchTarget(const Scene& whole, InstanceMask query_mask);
+  BatchTarget(const Scene& whole, InstanceMask query_mask, RayOrderKind order = RayOrderKind::kAsGiven);
 
   const Scene& scene;
   InstanceMask mask;
-  /// The only instance of the scene, where there is but one and the batch sees it: no top level is needed
-  /// then, and packets go straight to its tree.
-  const Instance* sole = nullptr;
-  std::uint32_t sole_id = kInvalidId;
+  Grouping grouping = Grouping::kNever;
+  /// There is but one instance: no top level is needed then, and packets go straight to its tree.
+  bool is_alone = false;
 };
 
 /// A run of rays and their answers, reused from run to run of a task.
@@ -32,8 +36,8 @@ struct RayRun {
   std::vector<Ray> rays;
   std::vector<PrimitiveRef> excluded;
   std::vector<RayStatus> status;
-  std::vector<Hit> hits;  ///< closest only
-  std::uint64_t packet_rays = 0;
+  std::vector<Hit> hits;          ///< closest only
+  std::uint64_t packet_rays = 0;  ///< were in the packet of an instance at least
   std::uint64_t single_rays = 0;
 
   /// Rays [begin, end) of the batch, or of its permutation where that is not empty.

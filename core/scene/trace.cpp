@@ -48,7 +48,7 @@ template <Precision kPrecision, bool kAnyHit, class Keep>
 bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& options, const Keep& keep) {
   TraceStats stats;
   const RayOrder order = choose_order(scene, rays, stats);
-  const BatchTarget target(scene, options.mask);
+  const BatchTarget target(scene, options.mask, order.kind);
   const std::size_t count = rays.size();
   std::atomic<std::size_t> done = 0;
   tbb::enumerable_thread_specific<RayRun> runs;

@@ -7,7 +7,7 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include "core/tlas/grid_ray.h"
+#include "core/tlas/box_tester-inl.h"
 #include "core/tlas/grid_walk.h"
 #include "core/tlas/kernel_steps.h"
 #include "core/tlas/uniform_grid.h"
@@ -15,55 +15,12 @@
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::tlas::HWY_NAMESPACE {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
-/// Most groups on the stack: a node on the way down leaves at most seven behind.
-inline constexpr std::size_t kStackSize = 7 * kMaxTreeDepth + 8;
-
-/// A group to visit; ordered by the bits of its s_enter, which compare like the floats.
-inline std::int64_t stack_entry(float s_enter, std::uint32_t link) {
-  std::int32_t bits;
-  __builtin_memcpy(&bits, &s_enter, 4);
-  bits ^= (bits >> 31) & 0x7FFFFFFF;  // negative floats order backwards
-  return (std::int64_t(bits) << 32) | std::int64_t(link);
-}
-
 /// One ray on its way: what the cells have in common.
 class CellTester {
  public:
   HWY_INLINE CellTester(const GridRay& ray, double far, const InstanceVisitor& visitor)
-      : ray_(ray), visitor_(visitor), far_(far), s_far_(ray.s_far(far)) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const int negative = ray.inverse[axis] >= 0.F ? 0 : 1;
-      near_[axis] = negative * 3 + axis;
-      far_plane_[axis] = (1 - negative) * 3 + axis;
-    }
-  }
+      : ray_(ray), boxes_(ray), visitor_(visitor), far_(far), s_far_(ray.s_far(far)) {}
   [[nodiscard]] double far() const { return far_; }
-
-  /// Slab test of all slots: sets s_enter of each, returns a bit per slot that may be hit.
-  template <std::size_t kSlots>
-  HWY_INLINE std::uint32_t enter(const BoxGroup<kSlots>& group, float* HWY_RESTRICT s_enter) const {
-    const hn::CappedTag<float, kSlots> d;
-    const float* planes = &group.planes[0][0][0];
-    std::uint32_t hits = 0;
-    for (std::size_t i = 0; i < kSlots; i += hn::Lanes(d)) {
-      auto enter = hn::Set(d, ray_.s_near);
-      auto exit = hn::Set(d, s_far_);
-      for (int axis = 0; axis < 3; ++axis) {
-        const auto inverse = hn::Set(d, ray_.inverse[axis]);
-        enter = hn::Max(enter, hn::MulAdd(hn::Load(d, planes + std::size_t(near_[axis]) * kSlots + i),
-                                          inverse, hn::Set(d, ray_.near_offset[axis])));
-        exit = hn::Min(exit, hn::MulAdd(hn::Load(d, planes + std::size_t(far_plane_[axis]) * kSlots + i),
-                                        inverse, hn::Set(d, ray_.far_offset[axis])));
-      }
-      hn::Store(enter, d, s_enter + i);
-      std::uint8_t bits[8] = {0};
-      hn::StoreMaskBits(d, hn::Le(enter, exit), bits);
-      hits |= std::uint32_t(bits[0]) << i;
-    }
-    return hits;
-  }
 
   HWY_INLINE void test(GridBlock::CellStart cell, int from) {
     if (cell.kind == CellKind::kTree) {
@@ -74,12 +31,6 @@ class CellTester {
   }
 
  private:
-  template <std::size_t kSlots>
-  static const BoxGroup<kSlots>& group_at(const std::byte* bytes) {
-    const void* at = bytes;
-    return *static_cast<const BoxGroup<kSlots>*>(at);
-  }
-
   void visit(std::uint32_t id) {
     const double far = visitor_.visit(visitor_.object, id);
     if (far == far_) return;
@@ -114,13 +65,13 @@ class CellTester {
     while (next != NextGroup::kNone) {
       if (next == NextGroup::kFour) {
         const auto& group = group_at<4>(at);
-        const std::uint32_t hits = enter<4>(group, s_enter) & ~std::uint32_t(group.seen[from]);
+        const std::uint32_t hits = boxes_.enter(group, s_far_, s_enter) & ~std::uint32_t(group.seen[from]);
         if (hits != 0) visit_slots(hits, group.links, s_enter);
         at += sizeof(BoxGroup<4>);
         next = group.next;
       } else {
         const auto& group = group_at<8>(at);
-        const std::uint32_t hits = enter<8>(group, s_enter) & ~std::uint32_t(group.seen[from]);
+        const std::uint32_t hits = boxes_.enter(group, s_far_, s_enter) & ~std::uint32_t(group.seen[from]);
         if (hits != 0) visit_slots(hits, group.links, s_enter);
         at += sizeof(BoxGroup<8>);
         next = group.next;
@@ -136,7 +87,7 @@ class CellTester {
     std::uint32_t link = 0;
     for (;;) {
       const auto& group = group_at<8>(groups + std::size_t(tree_link::index(link)) * sizeof(BoxGroup<8>));
-      std::uint32_t hits = enter<8>(group, s_enter) & ~std::uint32_t(group.seen[from]);
+      std::uint32_t hits = boxes_.enter(group, s_far_, s_enter) & ~std::uint32_t(group.seen[from]);
       if (tree_link::is_leaf(link)) {
         if (hits != 0) visit_slots(hits, group.links, s_enter);
       } else {
@@ -159,10 +110,10 @@ class CellTester {
   }
 
   const GridRay& ray_;
+  BoxTester boxes_;
   const InstanceVisitor& visitor_;
   double far_;
   float s_far_;
-  int near_[3], far_plane_[3];
 };
 
 // Blocks without instances are left at once. The walk goes on as long as something nearer than the best hit
@@ -190,11 +141,10 @@ double walk(const UniformGrid& grid, const WorldRay& world, double far, const In
   return cells.far();
 }
 
-/// For enter_group: nothing is visited.
+/// For enter_group.
 template <std::size_t kSlots>
 std::uint32_t enter_once(const BoxGroup<kSlots>& group, const GridRay& ray, double far, GroupEntries& out) {
-  constexpr InstanceVisitor kNobody{};
-  return CellTester(ray, far, kNobody).enter(group, out.s_enter);
+  return BoxTester(ray).enter(group, ray.s_far(far), out.s_enter);
 }
 std::uint32_t enter_four(const BoxGroup<4>& group, const GridRay& ray, double far, GroupEntries& out) {
   return enter_once(group, ray, far, out);

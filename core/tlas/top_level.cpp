@@ -17,6 +17,26 @@ constexpr std::size_t kOutsideShare = 16384;
 /// Share of the instances that change between two looks at how much of the grid they fill.
 constexpr std::size_t kLookShare = 128;
 
+/// A ray of a group that goes alone.
+struct OneOfGroup {
+  const GroupVisitor& group;
+  std::uint32_t ray;
+  double* far;
+
+  [[nodiscard]] InstanceVisitor visitor() const {
+    const auto visit = [](const void* object, std::uint32_t id) {
+      const auto& self = *static_cast<const OneOfGroup*>(object);
+      self.group.visit(self.group.object, id, 1U << self.ray, self.far);
+      return self.far[self.ray];
+    };
+    const auto prefetch = [](const void* object, std::uint32_t id) {
+      const auto& self = *static_cast<const OneOfGroup*>(object);
+      self.group.prefetch(self.group.object, id);
+    };
+    return {this, visit, prefetch};
+  }
+};
+
 }  // namespace
 
 std::string_view to_string(TopLevelKind kind) {
@@ -103,6 +123,34 @@ void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& v
   } else {
     grid_->search(world, far, boxes_, visitor);
   }
+}
+
+void TopLevel::traverse_group_all(std::span<const Ray* const> rays, double* far,
+                                  const GroupVisitor& visitor) const {
+  const auto count = std::uint32_t(rays.size());
+  if (const std::optional<std::uint32_t> sole = sole_instance()) {
+    visitor.visit(visitor.object, *sole, (1U << count) - 1U, far);
+    return;
+  }
+  WorldRay worlds[kGroupSize];
+  for (std::uint32_t i = 0; i < count; ++i) worlds[i] = WorldRay(*rays[i]);
+  for (const std::uint32_t id : always_) {
+    std::uint32_t enter = 0;
+    for (std::uint32_t i = 0; i < count; ++i)
+      enter |= std::uint32_t(!intersect_alone(worlds[i], boxes_[id], far[i]).empty()) << i;
+    if (enter != 0) visitor.visit(visitor.object, id, enter, far);
+  }
+  if (!grid_) return;
+  std::uint32_t near = 0;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (worlds[i].distance_to(grid_->layout().bounds) <= grid_->layout().reach) {
+      near |= 1U << i;
+    } else if (visitor.goes_on(visitor.object)) {
+      const OneOfGroup one{visitor, i, far};
+      grid_->search(worlds[i], far[i], boxes_, one.visitor());
+    }
+  }
+  grid_->walk_group(worlds, near, far, visitor);
 }
 
 bool TopLevel::worth_rebuilding(std::size_t changes) const {

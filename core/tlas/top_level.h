@@ -86,6 +86,22 @@ class TopLevel {
     traverse_all(ray, far, {&visit, call, prefetch});
   }
 
+  /// traverse() for up to kGroupSize valid rays, ray i up to far[i]: `visitor.visit(instance_id, rays, far)`
+  /// is called with a bit for each ray that can have a hit in the instance, at least one, and sets the far of
+  /// these to the largest t still of interest. Every ray visits what it would visit alone; rays that come to
+  /// an instance at the same time do so together. `visitor` also has prefetch and goes_on: see GroupVisitor.
+  template <class Visitor>
+  void traverse_group(std::span<const Ray* const> rays, double* far, const Visitor& visitor) const {
+    const auto visit = [](const void* object, std::uint32_t id, std::uint32_t bits, double* fars) {
+      static_cast<const Visitor*>(object)->visit(id, bits, fars);
+    };
+    const auto prefetch = [](const void* object, std::uint32_t id) {
+      static_cast<const Visitor*>(object)->prefetch(id);
+    };
+    const auto goes_on = [](const void* object) { return static_cast<const Visitor*>(object)->goes_on(); };
+    traverse_group_all(rays, far, {&visitor, visit, prefetch, goes_on});
+  }
+
   /// What `traverse` does, told to `way`: the same visits in the same order, through the same cells. `visit`
   /// is also told where the ray enters the instance's box, if that was asked, and adds the instance's step.
   /// Ends early where `way` does.
@@ -123,6 +139,7 @@ class TopLevel {
   void replace(std::uint32_t id, const InstanceBox& old, std::vector<RangeChange>& range_changes);
 
   void traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const;
+  void traverse_group_all(std::span<const Ray* const> rays, double* far, const GroupVisitor& visitor) const;
   void search_all(const Vec3d& point, double radius, const NearVisitor& visitor) const;
   void build_grid();
 

@@ -9,6 +9,7 @@
 #include "core/math/chunked_vector.h"
 #include "core/tlas/grid_block.h"
 #include "core/tlas/grid_layout.h"
+#include "core/tlas/group_visitor.h"
 #include "core/tlas/instance_visitor.h"
 
 namespace gridcast::tlas {
@@ -34,6 +35,8 @@ class UniformGrid {
   /// Visits, once each, all instances that can hold a hit of a ray that starts within the layout's reach;
   /// returns the last far. Follows the cells along the ray.
   double walk(const WorldRay& ray, double far, const InstanceVisitor& visitor) const;
+  /// The same for the rays worlds[i] of the bits of `rays`, up to far[i] each.
+  void walk_group(const WorldRay* worlds, std::uint32_t rays, double* far, const GroupVisitor& visitor) const;
   /// The same for a ray from anywhere: looks at all blocks that the ray may pass with the room that its
   /// distance asks for.
   double search(const WorldRay& ray, double far, const BoxTable& boxes, const InstanceVisitor& visitor) const;

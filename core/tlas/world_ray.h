@@ -19,6 +19,7 @@ struct WorldRay {
   Vec3d inverse;    ///< finite
   double tnear;
 
+  WorldRay() = default;  ///< nothing is set
   explicit WorldRay(const Ray& ray) : origin(ray.origin), tnear(ray.tnear) {
     const double smallest = 0x1p-60 * max_abs(ray.direction);
     for (int axis = 0; axis < 3; ++axis) {

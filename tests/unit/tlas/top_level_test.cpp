@@ -281,5 +281,74 @@ TEST(TopLevelValidate, a_grid_that_forgets_an_edit_is_caught) {
   EXPECT_FALSE(grid.validate(boxes).ok());
 }
 
+/// What rays visit, in order, each up to a far that every visit draws nearer.
+using Way = std::vector<std::uint32_t>;
+
+double narrowed(double far, std::uint32_t id) {
+  return id % 7 == 3 ? 0.9 * far : far;
+}
+
+struct RecordWays {
+  std::vector<Way>& ways;
+  std::size_t& together;  ///< visits of several rays at once
+
+  void visit(std::uint32_t id, std::uint32_t rays, double* far) const {
+    together += std::size_t((rays & (rays - 1)) != 0);
+    for (std::size_t i = 0; i < ways.size(); ++i) {
+      if ((rays >> i & 1U) == 0) continue;
+      ways[i].push_back(id);
+      far[i] = narrowed(far[i], id);
+    }
+  }
+  void prefetch(std::uint32_t /*id*/) const {}
+  [[nodiscard]] bool goes_on() const { return true; }
+};
+
+/// Rays for a group: most of them neighbours, some empty or from far away.
+std::vector<Ray> group_of_rays(const Bounds3d& bounds, test::Random& random) {
+  std::vector<Ray> rays;
+  const Ray middle = random_ray(bounds, random);
+  const std::size_t count = 1 + random.below(kGroupSize);
+  while (rays.size() < count) {
+    Ray ray = random.below(3) == 0 ? random_ray(bounds, random) : middle;
+    ray.direction += 0.01 * max_abs(ray.direction) * random.in_box(1.0);
+    ray.tfar = random.below(2) == 0 ? 2.0 : 1e9;
+    if (random.below(12) == 0) ray.tnear = 3.0;
+    if (random.below(12) == 0) ray.origin -= 1e12 * ray.direction;
+    rays.push_back(ray);
+  }
+  return rays;
+}
+
+TEST(TopLevel, a_group_visits_what_its_rays_would_visit_alone) {
+  test::Random random(test::seed_or(25));
+  std::size_t together = 0;
+  for (const auto& [name, boxes] : arrangements()) {
+    SCOPED_TRACE(name);
+    for (const auto choice : {TopLevelChoice::kAuto, TopLevelChoice::kNone}) {
+      const TopLevel level = TopLevel::build(boxes, choice);
+      for (int round = 0; round < (choice == TopLevelChoice::kAuto ? 60 : 4); ++round) {
+        const std::vector<Ray> rays = group_of_rays(level.bounds(), random);
+        std::vector<Way> alone(rays.size()), ways(rays.size());
+        std::vector<const Ray*> group;
+        std::vector<double> far;
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          double reach = rays[i].tfar;
+          group.push_back(&rays[i]);
+          far.push_back(reach);
+          level.traverse(rays[i], reach, [&](std::uint32_t id) {
+            alone[i].push_back(id);
+            return reach = narrowed(reach, id);
+          });
+        }
+        level.traverse_group(group, far.data(), RecordWays{ways, together});
+        EXPECT_EQ(ways, alone);
+      }
+    }
+    if (::testing::Test::HasFailure()) return;
+  }
+  EXPECT_GT(together, 1000U);
+}
+
 }  // namespace
 }  // namespace gridcast::tlas
