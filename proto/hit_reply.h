@@ -16,8 +16,8 @@ namespace gridcast::proto {
 struct RayPlan {
   std::string order;            ///< as_given, by_origin, by_direction
   std::string reason;           ///< why this order
-  std::size_t packet_rays = 0;  ///< traced sixteen at a time
-  std::size_t single_rays = 0;  ///< traced one by one
+  std::size_t packet_rays = 0;  ///< up to sixteen at a time
+  std::size_t single_rays = 0;  ///< the others, one by one
   double order_ms = 0.0;        ///< looking and sorting
 };
 

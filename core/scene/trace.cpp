@@ -49,6 +49,7 @@ bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& o
   TraceStats stats;
   const RayOrder order = choose_order(scene, rays, stats);
   const BatchTarget target(scene, options.mask, order.kind);
+  if (target.grouping == Grouping::kAlways) stats.reason += "; in groups, as the top level is large";
   const std::size_t count = rays.size();
   std::atomic<std::size_t> done = 0;
   tbb::enumerable_thread_specific<RayRun> runs;

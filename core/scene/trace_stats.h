@@ -14,8 +14,8 @@ enum class RayOrderKind : std::uint8_t { kAsGiven, kByOrigin, kByDirection };
 struct TraceStats {
   RayOrderKind order = RayOrderKind::kAsGiven;
   std::string reason;             ///< why this order, as a sentence
-  std::uint64_t packet_rays = 0;  ///< traced sixteen at a time
-  std::uint64_t single_rays = 0;  ///< traced one by one; invalid rays count in neither
+  std::uint64_t packet_rays = 0;  ///< up to sixteen at a time, in one instance at least
+  std::uint64_t single_rays = 0;  ///< the others, one by one; invalid rays count in neither
   double order_ms = 0.0;          ///< looking and sorting
 };
 

@@ -142,7 +142,7 @@ TEST(SceneGroups, packets_form_at_instances_where_neighbours_are_close_and_not_w
   EXPECT_LT(coarse.packet_rays, coarse.rays.size() / 10);
 }
 
-TEST(SceneGroups, a_large_top_level_is_walked_in_groups_and_no_packets_is_known) {
+TEST(SceneGroups, a_large_top_level_is_walked_in_groups_and_no_packets_are_known) {
   SceneData data = meshes_only();
   test::Random random(test::seed_or(73));
   for (int i = 0; i < 60'000; ++i) place(data, 2, {Mat3d(0.1), random.in_box(50.0)});
@@ -150,6 +150,17 @@ TEST(SceneGroups, a_large_top_level_is_walked_in_groups_and_no_packets_is_known)
   EXPECT_EQ(BatchTarget(*scene, kFullMask).grouping, Grouping::kNever);
   EXPECT_EQ(BatchTarget(*scene, kFullMask, RayOrderKind::kByOrigin).grouping, Grouping::kAlways);
   expect_answers_of_single_rays(*scene, rays_for(*scene, 600, random), kFullMask);
+
+  std::vector<Vec3d> rows;
+  for (int i = 0; i < 10'000; ++i) {
+    const Ray ray = random_ray(*scene, random);
+    rows.insert(rows.end(), {ray.origin, ray.direction});
+  }
+  TraceStats stats;
+  TraceOptions options;
+  options.stats = &stats;
+  ASSERT_TRUE(intersect(*scene, {std::as_bytes(std::span(rows)), ScalarType::kFloat64, 6, {}}, options).ok());
+  EXPECT_EQ(stats.reason, "neighbours start far apart; in groups, as the top level is large");
 }
 
 // From 2^42 sizes away no box can be told from another, so every ray visits all instances.
