@@ -7,8 +7,8 @@
 namespace gridcast::scene {
 
 /// Asks for what the answers of a run are made from before they are made. A hit leads to its instance, and
-/// that to the tree with the triangle's corners: misses one after the other, which the hits of a run have side
-/// by side so.
+/// that to the tree with the triangle's corners: misses one after the other, which the hits of a run have
+/// side by side so.
 class HitPrefetch {
  public:
   HitPrefetch(const Scene& scene, const RayRun& run) : scene_(scene), run_(run) {}

@@ -1,5 +1,6 @@
 #include "core/scene/trace.h"
 
+#include <array>
 #include <atomic>
 #include <new>
 
@@ -83,41 +84,46 @@ Error out_of_memory() {
   return {ErrorCode::kLimitExceeded, "not enough memory for the answers", ""};
 }
 
-/// The normals of a run's hits; source(i) is the place of its ray i in the batch.
-template <class Source>
-void keep_normals(const Scene& scene, const RayRun& run, const Source& source, HitColumns& hits) {
-  NormalBatch normals(scene);
-  std::size_t places[NormalBatch::kSize];
-  std::size_t lanes = 0;
-  const auto flush = [&] {
-    normals.make();
-    for (std::size_t lane = 0; lane < lanes; ++lane) hits.set_normal(places[lane], normals.normal(lane));
-    lanes = 0;
-  };
-  for (std::size_t i = 0; i < run.rays.size(); ++i) {
-    if (run.status[i] != RayStatus::kHit) continue;
-    places[lanes] = source(i);
-    normals.set(lanes++, run.hits[i], run.rays[i]);
-    if (lanes == NormalBatch::kSize) flush();
+/// Makes the normals of hits as they come, eight at a time, and writes them into their rows.
+class NormalWriter {
+ public:
+  NormalWriter(const Scene& scene, HitColumns& hits) : batch_(scene), hits_(hits) {}
+
+  void add(const Hit& hit, const Ray& ray, std::size_t place) {
+    batch_.set(size_, hit, ray);
+    places_[size_++] = place;
+    if (size_ == NormalBatch::kSize) flush();
   }
-  flush();
-}
+  void flush() {
+    batch_.make();
+    for (std::size_t lane = 0; lane < size_; ++lane) hits_.set_normal(places_[lane], batch_.normal(lane));
+    size_ = 0;
+  }
+
+ private:
+  NormalBatch batch_;
+  HitColumns& hits_;
+  std::array<std::size_t, NormalBatch::kSize> places_{};
+  std::size_t size_ = 0;
+};
 
 template <Precision kPrecision>
 bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits) {
   const auto keep = [&](const RayRun& run, const auto& source) {
     const HitPrefetch prefetch(scene, run);
+    NormalWriter normals(scene, hits);
     for (std::size_t i = 0; i < run.rays.size(); ++i) {
       prefetch.before(i);
       SurfaceHit surface;
       surface.status = run.status[i];
       if (surface.status == RayStatus::kHit) {
         describe(scene, run.hits[i], surface);
+        if (has(options.fields, HitField::kNormal)) normals.add(run.hits[i], run.rays[i], source(i));
         if (has(options.fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
       }
       hits.set(source(i), surface);
     }
-    if (has(options.fields, HitField::kNormal)) keep_normals(scene, run, source, hits);
+    normals.flush();
   };
   return trace_batch<kPrecision, false>(scene, rays, options, keep);
 }
