@@ -69,7 +69,7 @@ struct SceneInfo {
 /// A bottom-level structure, in GET structure and in a mesh.
 struct MeshStructureInfo {
   std::uint32_t mesh_id = 0;
-  std::string kind;            ///< brute_force, bvh, wide_bvh, kd_tree, embree
+  std::string kind;            ///< brute_force, bvh, wide_bvh, compact_bvh, kd_tree, embree
   std::string reason;          ///< why this kind, as a sentence
   std::string quality_asked;   ///< of the scene: one of kBuildQualityNames
   std::string quality;         ///< that the tree was built with

@@ -9,11 +9,11 @@
 
 namespace gridcast::proto {
 
-inline constexpr std::array<std::string_view, 6> kStructureNames{"auto",     "brute_force", "bvh",
-                                                                 "wide_bvh", "kd_tree",     "embree"};
+inline constexpr std::array<std::string_view, 7> kStructureNames{
+    "auto", "brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"};
 /// Structures that can be named for a comparison: what "auto" would choose is one of them.
-inline constexpr std::array<std::string_view, 5> kBuiltStructureNames{"brute_force", "bvh", "wide_bvh",
-                                                                      "kd_tree", "embree"};
+inline constexpr std::array<std::string_view, 6> kBuiltStructureNames{"brute_force", "bvh",     "wide_bvh",
+                                                                      "compact_bvh", "kd_tree", "embree"};
 /// How a tree is built: for the best rays, or sooner.
 inline constexpr std::array<std::string_view, 2> kBuildQualityNames{"default", "fast"};
 using gridcast::kPrecisionNames;

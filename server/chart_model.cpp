@@ -30,8 +30,9 @@ const std::array<NamedMark, 3>& precision_marks() {
   return marks;
 }
 
-const std::array<NamedMark, 6>& structure_marks() {
-  static const std::array<NamedMark, 6> marks{{{"wide_bvh", {"wide BVH", kGrey, 7, "circle"}},
+const std::array<NamedMark, 7>& structure_marks() {
+  static const std::array<NamedMark, 7> marks{{{"wide_bvh", {"wide BVH", kGrey, 7, "circle"}},
+                                               {"compact_bvh", {"compact BVH", kGrey, 8, "square"}},
                                                {"bvh", {"binary BVH", kGrey, 5, "square"}},
                                                {"kd_tree", {"kd-tree", kGrey, 9, "triangle-up"}},
                                                {"embree", {"Embree's tree, our test", kGrey, 13, "diamond"}},

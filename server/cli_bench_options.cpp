@@ -69,12 +69,11 @@ void add_what(CLI::App& app, BenchRequest& request) {
                  "without it all")
       ->delimiter(',')
       ->check(CLI::IsMember(set_names()));
-  app.add_option(
-         "--structure", request.structures,
-         "Trees of ours, with commas: auto, brute_force (up to 2,000 triangles), bvh, wide_bvh, kd_tree, "
-         "embree; without it wide_bvh, bvh, kd_tree")
+  app.add_option("--structure", request.structures,
+                 "Trees of ours, with commas: auto, brute_force (up to 2,000 triangles), bvh, wide_bvh, "
+                 "compact_bvh, kd_tree, embree; without it wide_bvh, bvh, kd_tree")
       ->delimiter(',')
-      ->check(CLI::IsMember({"auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"}));
+      ->check(CLI::IsMember({"auto", "brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"}));
   app.add_option("--section", request.sections,
                  "What to measure, with commas: rays, build, refit, instances, deform, serve, crowd, load; "
                  "without it "

@@ -64,12 +64,11 @@ class ChartCommand final : public Command {
     app.add_option("--set", classes_, "Ray classes, with commas; without it all")
         ->delimiter(',')
         ->check(CLI::IsMember(class_names()));
-    app.add_option(
-           "--structure", structures_,
-           "Trees of ours, with commas; without it wide_bvh, bvh, kd_tree, embree, and brute_force on "
-           "scenes of up to 2,000 triangles")
+    app.add_option("--structure", structures_,
+                   "Trees of ours, with commas; without it wide_bvh, compact_bvh, bvh, kd_tree, embree, and "
+                   "brute_force on scenes of up to 2,000 triangles")
         ->delimiter(',')
-        ->check(CLI::IsMember({"brute_force", "bvh", "wide_bvh", "kd_tree", "embree"}));
+        ->check(CLI::IsMember({"brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"}));
     app.add_option("--precision", precisions_, "fast, robust, exact, with commas; without it all")
         ->delimiter(',')
         ->check(CLI::IsMember({"fast", "robust", "exact"}));

@@ -14,7 +14,7 @@ void add_file_options(CLI::App& command, FileOptions& options) {
   command.add_option("SCENE", options.path, "A .glb or .gltf file")->required();
   command
       .add_option("--structure", options.structure,
-                  "Tree of each mesh: auto, brute_force, bvh, wide_bvh, kd_tree or embree")
+                  "Tree of each mesh: auto, brute_force, bvh, wide_bvh, compact_bvh, kd_tree or embree")
       ->capture_default_str()
       ->check(CLI::IsMember(
           std::vector<std::string>(proto::kStructureNames.begin(), proto::kStructureNames.end())));

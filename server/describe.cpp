@@ -32,7 +32,8 @@ proto::SceneInfo::Rig rig_info(const scene::SceneData& data) {
 /// Why a tree has the quality that it has.
 std::string quality_reason(const blas::Blas& blas, blas::BuildQuality asked) {
   const blas::StructureKind kind = blas.stats().kind;
-  if (kind != blas::StructureKind::kBvh && kind != blas::StructureKind::kWideBvh)
+  if (kind != blas::StructureKind::kBvh && kind != blas::StructureKind::kWideBvh &&
+      kind != blas::StructureKind::kCompactBvh)
     return "a " + std::string(to_string(kind)) + " is built in one way";
   if (blas.options().quality == asked) return "asked for";
   return "rebuilt by an update, in Morton order: more than " + std::to_string(scene::kFastRebuildTriangles) +

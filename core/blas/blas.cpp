@@ -10,6 +10,7 @@
 #include "core/blas/brute_force.h"
 #include "core/blas/bvh.h"
 #include "core/blas/collector.h"
+#include "core/blas/compact_bvh.h"
 #include "core/blas/cost_model.h"
 #include "core/blas/embree_tree.h"
 #include "core/blas/kd_tree.h"
@@ -88,6 +89,9 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
       break;
     case StructureKind::kWideBvh:
       status = store(blas.structure_, WideBvh::build(*mesh, options, stop));
+      break;
+    case StructureKind::kCompactBvh:
+      status = store(blas.structure_, CompactBvh::build(*mesh, options, stop));
       break;
     case StructureKind::kKdTree:
       status = store(blas.structure_, KdTree::build(*mesh, stop));

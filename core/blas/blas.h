@@ -30,6 +30,7 @@ namespace gridcast::blas {
 class BruteForce;
 class Bvh;
 class WideBvh;
+class CompactBvh;
 class KdTree;
 class EmbreeTree;
 class HitSink;
@@ -37,8 +38,9 @@ class PointSink;
 
 /// kAuto picks by a stated cost model: brute force for a handful of triangles, else the wide BVH, or a
 /// kd-tree where boxes overlap so much that it costs less. kBvh is the binary one: half the memory, a third
-/// of the speed, and a choice of splits.
-enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kWideBvh, kKdTree, kEmbree };
+/// of the speed, and a choice of splits. kCompactBvh is the wide one in a third of its memory, for scenes
+/// that would not fit: kAuto never takes it.
+enum class StructureKind : std::uint8_t { kAuto, kBruteForce, kBvh, kWideBvh, kKdTree, kEmbree, kCompactBvh };
 enum class BvhSplit : std::uint8_t { kMidpoint, kMedian, kBinnedSah };
 /// kAuto: a triangle may sit in several leaves where boxes overlap so much that it pays. kNever: for meshes
 /// that deform, because a refit gives every leaf the whole triangle's box.
@@ -46,10 +48,11 @@ enum class SpatialSplits : std::uint8_t { kAuto, kNever };
 
 /// kDefault: the best rays, by surface-area cost from the top. kFast: about half the
 /// time to build, in Morton order, at some 10 % more cost, for meshes that change whole from frame to frame.
-/// Of both BVHs; other structures have one way.
+/// Of all BVHs of ours; other structures have one way.
 enum class BuildQuality : std::uint8_t { kDefault, kFast };
 
-/// Names used on the wire and the command line: auto, brute_force, bvh, wide_bvh, kd_tree, embree.
+/// Names used on the wire and the command line: auto, brute_force, bvh, wide_bvh, compact_bvh, kd_tree,
+/// embree.
 [[nodiscard]] std::string_view to_string(StructureKind kind);
 [[nodiscard]] Result<StructureKind> parse_structure_kind(std::string_view name);
 /// midpoint, median, sah.
@@ -68,7 +71,7 @@ enum class MeshMotion : std::uint8_t { kStatic, kDeforms };
 struct BuildOptions {
   StructureKind kind = StructureKind::kAuto;
   BvhSplit split = BvhSplit::kBinnedSah;         ///< used by the BVH alone
-  SpatialSplits spatial = SpatialSplits::kAuto;  ///< used by the wide BVH alone
+  SpatialSplits spatial = SpatialSplits::kAuto;  ///< used by the wide and the compact BVH
   MeshMotion motion = MeshMotion::kStatic;
   BuildQuality quality = BuildQuality::kDefault;  ///< kFast: no other choice of splits counts, no kd-tree
 };
@@ -178,7 +181,7 @@ class Blas {
  private:
   using Structure = std::variant<std::shared_ptr<const BruteForce>, std::shared_ptr<const Bvh>,
                                  std::shared_ptr<const WideBvh>, std::shared_ptr<const KdTree>,
-                                 std::shared_ptr<const EmbreeTree>>;
+                                 std::shared_ptr<const EmbreeTree>, std::shared_ptr<const CompactBvh>>;
   friend class TreeCodec;  // reads and makes one: tree_codec.cpp
   Blas() = default;
   /// The mesh, and what follows from it alone.

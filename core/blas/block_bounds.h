@@ -41,14 +41,17 @@ struct LaneBounds {
 };
 
 /// The corners of the triangles that the block names.
-inline void load_corners(const mesh::TriangleMesh& mesh, TriangleBlock& block) {
+inline void load_corners(const mesh::Triangle* triangles, const Vec3f* positions, TriangleBlock& block) {
   for (int lane = 0; lane < 4; ++lane) {
-    const mesh::Triangle& triangle = mesh.triangles[block.ids[lane]];
+    const mesh::Triangle& triangle = triangles[block.ids[lane]];
     for (std::size_t corner = 0; corner < 3; ++corner) {
-      const Vec3f& p = mesh.positions[triangle[corner]];
+      const Vec3f& p = positions[triangle[corner]];
       for (int axis = 0; axis < 3; ++axis) block.corners[corner][axis][lane] = p[axis];
     }
   }
+}
+inline void load_corners(const mesh::TriangleMesh& mesh, TriangleBlock& block) {
+  load_corners(mesh.triangles.data(), mesh.positions.data(), block);
 }
 
 }  // namespace gridcast::blas

@@ -15,6 +15,7 @@
 
 #include "core/blas/brute_force.h"
 #include "core/blas/bvh.h"
+#include "core/blas/compact_bvh.h"
 #include "core/blas/embree_tree.h"
 #include "core/blas/kd_tree.h"
 #include "core/blas/wide_bvh.h"
@@ -30,6 +31,9 @@ void explain(const Bvh& tree, const mesh::TriangleMesh& mesh, const mesh::Object
              RayWay& way);
 template <Precision kPrecision, Collector C>
 void explain(const WideBvh& tree, const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector,
+             RayWay& way);
+template <Precision kPrecision, Collector C>
+void explain(const CompactBvh& tree, const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector,
              RayWay& way);
 template <Precision kPrecision, Collector C>
 void explain(const KdTree& tree, const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector,

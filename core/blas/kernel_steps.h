@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "core/blas/compact_node.h"
 #include "core/blas/kd_tree.h"
 #include "core/blas/wide_bvh.h"
 
@@ -15,8 +16,10 @@ struct alignas(32) SlotEntries {
 };
 
 /// Slab test of a node's slots; returns a bit per slot that may be hit.
-[[nodiscard]] std::uint32_t enter_wide_node(const WideNode& node, const mesh::ObjectRay& ray, float s_far,
-                                            SlotEntries& entries);
+[[nodiscard]] std::uint32_t enter_node(const WideNode& node, const mesh::ObjectRay& ray, float s_far,
+                                       SlotEntries& entries);
+[[nodiscard]] std::uint32_t enter_node(const CompactNode& node, const mesh::ObjectRay& ray, float s_far,
+                                       SlotEntries& entries);
 
 /// A bit per triangle of the block that may be hit up to s_far; the others are not.
 template <Precision kPrecision>

@@ -11,10 +11,11 @@ namespace {
 template <class Enum, std::size_t kCount>
 using Names = std::array<std::pair<Enum, std::string_view>, kCount>;
 
-constexpr Names<StructureKind, 6> kStructureNames{{{StructureKind::kAuto, "auto"},
+constexpr Names<StructureKind, 7> kStructureNames{{{StructureKind::kAuto, "auto"},
                                                    {StructureKind::kBruteForce, "brute_force"},
                                                    {StructureKind::kBvh, "bvh"},
                                                    {StructureKind::kWideBvh, "wide_bvh"},
+                                                   {StructureKind::kCompactBvh, "compact_bvh"},
                                                    {StructureKind::kKdTree, "kd_tree"},
                                                    {StructureKind::kEmbree, "embree"}}};
 constexpr Names<BvhSplit, 3> kSplitNames{

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/blas/bvh.h"
+#include "core/blas/compact_bvh.h"
 #include "core/blas/kd_tree.h"
 #include "core/blas/tree_bytes.h"
 #include "core/blas/wide_bvh.h"
@@ -56,7 +57,7 @@ Status check(const Head& head, const mesh::TriangleMesh& mesh) {
     return Error{ErrorCode::kUnsupported, "it was written in format " + std::to_string(head.format), ""};
   if (head.triangle_count != mesh.triangle_count() || head.vertex_count != mesh.positions.size())
     return invalid("it is the tree of another mesh");
-  const bool enums = head.asked_kind <= std::uint8_t(StructureKind::kEmbree) &&
+  const bool enums = head.asked_kind <= std::uint8_t(StructureKind::kCompactBvh) &&
                      head.split <= std::uint8_t(BvhSplit::kBinnedSah) &&
                      head.spatial <= std::uint8_t(SpatialSplits::kNever) &&
                      head.motion <= std::uint8_t(MeshMotion::kDeforms) &&
@@ -139,13 +140,15 @@ class TreeCodec {
   static Status read(StructureKind kind, const mesh::TriangleMesh& mesh, TreeReader& in, Blas& blas) {
     if (kind == StructureKind::kBvh) return read_as<Bvh>(mesh, in, blas);
     if (kind == StructureKind::kWideBvh) return read_as<WideBvh>(mesh, in, blas);
+    if (kind == StructureKind::kCompactBvh) return read_as<CompactBvh>(mesh, in, blas);
     if (kind == StructureKind::kKdTree) return read_as<KdTree>(mesh, in, blas);
     return invalid("it holds no tree");
   }
 };
 
 bool is_encodable(StructureKind kind) {
-  return kind == StructureKind::kBvh || kind == StructureKind::kWideBvh || kind == StructureKind::kKdTree;
+  return kind == StructureKind::kBvh || kind == StructureKind::kWideBvh ||
+         kind == StructureKind::kCompactBvh || kind == StructureKind::kKdTree;
 }
 
 Result<std::string> encode_tree(const Blas& blas) try {

@@ -1,115 +1,25 @@
-#include <bit>
+// Walks through the trees of eight children a node.
 
-#include "core/blas/explain.h"
-#include "core/blas/kernel_steps.h"
+#include "core/blas/compact_bvh.h"
+#include "core/blas/wide_walk.h"
 
 namespace gridcast::blas {
-namespace {
-
-struct Visit {
-  std::int32_t s_enter_bits;  ///< compare like the float, which is not negative
-  std::uint32_t link;
-  std::uint32_t depth;
-
-  [[nodiscard]] bool comes_before(const Visit& other) const {
-    return s_enter_bits != other.s_enter_bits ? s_enter_bits < other.s_enter_bits : link < other.link;
-  }
-};
-
-/// WideBvh::intersect for the closest hit, told step by step.
-template <Precision kPrecision, Collector C>
-class WideWalk {
- public:
-  WideWalk(const WideBvh& tree, const mesh::ObjectRay& ray, C& collector, RayWay& way)
-      : tree_(tree), ray_(ray), collector_(collector), way_(way) {}
-
-  void run() {
-    if (tree_.nodes().empty()) return;
-    s_far_ = ray_.cull_far(collector_.tfar());
-    stack_[size_++] = {0, 0, 0};
-    bool is_root = true;
-    while (size_ != 0) {
-      const Visit next = stack_[--size_];
-      // The kernel asks only of what has waited; a child that was just found passes anyway, and the root has
-      // no box.
-      if (!is_root && next.s_enter_bits > std::bit_cast<std::int32_t>(s_far_)) continue;
-      is_root = false;
-      if (!(wide_child::is_leaf(next.link) ? leaf(next) : inner(next))) return;
-    }
-  }
-
- private:
-  [[nodiscard]] double t_enter(const Visit& visit) const {
-    return t_at(ray_, std::bit_cast<float>(visit.s_enter_bits));
-  }
-
-  bool inner(const Visit& visit) {
-    const WideNode& node = tree_.nodes()[visit.link];
-    SlotEntries entries;
-    const std::uint32_t hits = enter_wide_node(node, ray_, s_far_, entries);
-    const std::size_t bottom = size_;
-    for (std::uint32_t rest = hits; rest != 0; rest &= rest - 1) {
-      const auto slot = std::uint32_t(std::countr_zero(rest));
-      const Visit child{entries.s_enter_bits[slot], node.child[slot], visit.depth + 1};
-      std::size_t place = size_++;
-      for (; place > bottom && stack_[place - 1].comes_before(child); --place)
-        stack_[place] = stack_[place - 1];
-      stack_[place] = child;
-    }
-    return way_.add(NodeStep{visit.link, visit.depth, t_enter(visit), node.slots,
-                             std::uint32_t(std::popcount(hits)), std::uint32_t(size_ - (hits != 0 ? 1 : 0))});
-  }
-
-  bool leaf(const Visit& visit) {
-    const std::uint32_t first = wide_child::index(visit.link);
-    const std::uint32_t count = wide_child::block_count(visit.link);
-    std::uint32_t triangles = 0;
-    for (std::uint32_t b = first; b < first + count; ++b) triangles += lanes(tree_.blocks()[b]);
-    if (!way_.add(LeafStep{first, visit.depth, t_enter(visit), triangles, std::uint32_t(size_)}))
-      return false;
-    for (std::uint32_t b = first; b < first + count; ++b)
-      if (!test(tree_.blocks()[b])) return false;
-    s_far_ = ray_.cull_far(collector_.tfar());
-    return true;
-  }
-
-  /// Different triangles of a block.
-  static std::uint32_t lanes(const TriangleBlock& block) {
-    std::uint32_t count = 4;
-    while (count > 1 && block.ids[count - 1] == block.ids[count - 2]) --count;
-    return count;
-  }
-
-  bool test(const TriangleBlock& block) {
-    const std::uint32_t possible = filter_triangles<kPrecision>(block, ray_, s_far_);
-    for (std::uint32_t lane = 0; lane < lanes(block); ++lane) {
-      const bool goes_on =
-          ((possible >> lane) & 1U) != 0
-              ? explain_triangle<kPrecision>(ray_, block.corner(0, lane), block.corner(1, lane),
-                                             block.corner(2, lane), block.ids[lane], collector_, way_)
-              : way_.add(TriangleStep{block.ids[lane], TriangleVerdict::kFiltered, false, std::nullopt});
-      if (!goes_on) return false;
-    }
-    return true;
-  }
-
-  const WideBvh& tree_;
-  const mesh::ObjectRay& ray_;
-  C& collector_;
-  RayWay& way_;
-  float s_far_ = 0.F;
-  Visit stack_[kWideStackSize];
-  std::size_t size_ = 0;
-};
-
-}  // namespace
 
 template <Precision kPrecision, Collector C>
 void explain(const WideBvh& tree, const mesh::TriangleMesh& /*mesh*/, const mesh::ObjectRay& ray,
              C& collector, RayWay& way) {
-  WideWalk<kPrecision, C>(tree, ray, collector, way).run();
+  if (tree.nodes().empty()) return;
+  WideWalk<kPrecision, WideView, C>(view_of(tree), ray, collector, way).run();
+}
+
+template <Precision kPrecision, Collector C>
+void explain(const CompactBvh& tree, const mesh::TriangleMesh& mesh, const mesh::ObjectRay& ray, C& collector,
+             RayWay& way) {
+  if (tree.nodes().empty()) return;
+  WideWalk<kPrecision, CompactView, C>(tree.view(mesh), ray, collector, way).run();
 }
 
 GRIDCAST_INSTANTIATE_EXPLAIN(WideBvh);
+GRIDCAST_INSTANTIATE_EXPLAIN(CompactBvh);
 
 }  // namespace gridcast::blas

@@ -100,7 +100,8 @@ std::vector<std::pair<std::string, blas::BuildOptions>> our_builds(const BenchOp
   for (const blas::StructureKind kind : trees_of(options)) {
     const std::string name(blas::to_string(kind));
     builds.push_back({name, {.kind = kind}});
-    if (kind == blas::StructureKind::kWideBvh || kind == blas::StructureKind::kBvh)
+    if (kind == blas::StructureKind::kWideBvh || kind == blas::StructureKind::kCompactBvh ||
+        kind == blas::StructureKind::kBvh)
       builds.push_back({name + "_fast", {.kind = kind, .quality = blas::BuildQuality::kFast}});
   }
   return builds;

@@ -107,8 +107,8 @@ class Measurement {
     using blas::StructureKind;
     std::vector<StructureKind> kinds = options_.structures;
     if (kinds.empty())
-      kinds = {StructureKind::kWideBvh, StructureKind::kBvh, StructureKind::kKdTree, StructureKind::kEmbree,
-               StructureKind::kBruteForce};
+      kinds = {StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kBvh,
+               StructureKind::kKdTree,  StructureKind::kEmbree,     StructureKind::kBruteForce};
     if (report_.world_triangles > kMaxBruteForceTriangles &&
         std::erase(kinds, StructureKind::kBruteForce) > 0)
       report_.notes.emplace_back("Brute force is left out: the scene has more than 2,000 triangles.");

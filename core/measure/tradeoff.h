@@ -23,7 +23,7 @@ inline constexpr std::uint64_t kMaxBruteForceTriangles = 2000;
 
 struct TradeoffOptions {
   std::vector<RayClass> classes{kAllRayClasses.begin(), kAllRayClasses.end()};
-  /// Empty: wide_bvh, bvh, kd_tree, embree, and brute_force on small scenes.
+  /// Empty: wide_bvh, compact_bvh, bvh, kd_tree, embree, and brute_force on small scenes.
   std::vector<blas::StructureKind> structures;
   std::vector<Precision> precisions{Precision::kFast, Precision::kRobust, Precision::kExact};
   std::size_t accuracy_rays = 20'000;  ///< a class, compared with the exact answers

@@ -32,7 +32,7 @@ double worse_at_build(BuildQuality built, BuildQuality asked) {
 
 /// The structures that are built in Morton order when that is asked for.
 bool has_morton_order(StructureKind kind) {
-  return kind == StructureKind::kBvh || kind == StructureKind::kWideBvh;
+  return kind == StructureKind::kBvh || kind == StructureKind::kWideBvh || kind == StructureKind::kCompactBvh;
 }
 
 /// Whether an update, or the background after it, built the tree with shared triangles, and there are any.
@@ -71,7 +71,8 @@ TreeForm quick_form(double boxes_per_ray, std::size_t triangles, BuildQuality as
 }
 
 double boxes_per_ray(const blas::StructureStats& stats) {
-  const bool known = stats.kind == StructureKind::kWideBvh && stats.looseness > 0.0;
+  const bool is_wide = stats.kind == StructureKind::kWideBvh || stats.kind == StructureKind::kCompactBvh;
+  const bool known = is_wide && stats.looseness > 0.0;
   return known ? stats.cost / stats.looseness : 0.0;
 }
 

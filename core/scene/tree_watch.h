@@ -66,8 +66,8 @@ struct TreeVerdict {
 /// order again costs no more than at build, but hundreds of times what a new tree would.
 [[nodiscard]] double worsening(const blas::StructureStats& refitted);
 
-/// What triangle_boxes_per_ray told of a wide BVH's mesh when it was measured; 0 of other kinds, whose leaves
-/// share nothing, and where it is not known.
+/// What triangle_boxes_per_ray told of the mesh of a wide or compact BVH when it was measured; 0 of other
+/// kinds, whose leaves share nothing, and where it is not known.
 [[nodiscard]] double boxes_per_ray(const blas::StructureStats& stats);
 
 [[nodiscard]] TreeVerdict judge_refit(const blas::StructureStats& refitted, const TreeTerms& terms);

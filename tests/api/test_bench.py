@@ -100,8 +100,8 @@ def test_a_server_is_loaded_until_it_refuses(report):
 
 
 def test_no_answer_differs_from_single_rays_or_brute_force(report):
-    read = report(*TINY, "--scene", "all", "--section", "rays", "--structure", "wide_bvh,kd_tree")
-    assert len(read["checks"]) == 14 * 6 * 2 * 2 * 2
+    read = report(*TINY, "--scene", "all", "--section", "rays", "--structure", "wide_bvh,compact_bvh,kd_tree")
+    assert len(read["checks"]) == 14 * 6 * 2 * 3 * 2
     assert all(row["differs"] == 0 == row["brute_force_differs"] for row in read["checks"])
     assert sum(row["brute_force_rays"] for row in read["checks"]) > 1000
     assert sum(row["embree_differs"] for row in read["checks"]) < 0.05 * sum(row["rays"] for row in read["checks"])

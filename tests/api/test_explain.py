@@ -56,7 +56,7 @@ def check_way(way):
         assert best == (hit and (hit["instance_id"], hit["primitive_id"]))
 
 
-@pytest.mark.parametrize("structure", ["auto", "bvh", "wide_bvh", "kd_tree", "brute_force", "embree"])
+@pytest.mark.parametrize("structure", ["auto", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "brute_force", "embree"])
 def test_hits_are_those_of_rays_closest(load, structure):
     scene = load(models.row_of_spheres(), structure=structure)
     hits = 0
@@ -199,7 +199,7 @@ def test_the_program_tells_the_same_as_the_server(run, model, spheres):
     assert len(cut["steps"]) == 3 and cut["truncated"] is True
 
 
-@pytest.mark.parametrize("structure", ["bvh", "wide_bvh", "kd_tree", "brute_force", "embree"])
+@pytest.mark.parametrize("structure", ["bvh", "wide_bvh", "compact_bvh", "kd_tree", "brute_force", "embree"])
 def test_the_program_prints_an_indented_way(run, model, structure):
     done = run(model, "--origin=0.1,10,0.2", "--direction=0,-1,0", "--structure", structure)
     assert done.returncode == DONE and done.stderr == b"", done.stderr

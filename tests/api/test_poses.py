@@ -171,7 +171,7 @@ def test_nodes_come_in_pages(moving):
     assert [node["node_id"] for node in last["nodes"]] == [2, 3, 4] and last["next_offset"] is None
 
 
-@pytest.mark.parametrize("structure", ["auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"])
+@pytest.mark.parametrize("structure", ["auto", "brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"])
 def test_answers_are_those_of_other_structures(load, structure):
     scene, other = load(models.moving(), structure=structure), load(models.moving(), structure="brute_force")
     rays = models.random_rays(800, seed=9)

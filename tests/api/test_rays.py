@@ -87,7 +87,7 @@ def test_any_hit_agrees_with_closest_hit(spheres):
     assert text["occluded"] == [bool(one) for one in closest]
 
 
-@pytest.mark.parametrize("structure", ["brute_force", "bvh", "wide_bvh", "kd_tree", "embree"])
+@pytest.mark.parametrize("structure", ["brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"])
 @pytest.mark.parametrize("precision", ["fast", "robust", "exact"])
 def test_every_structure_gives_the_same_bits(load, structure, precision):
     rays = models.random_rays(1500, seed=3)

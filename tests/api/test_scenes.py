@@ -60,13 +60,13 @@ def test_names_that_cannot_be_a_path_segment_are_refused(client, name):
     assert reply.status == 422
 
 
-@pytest.mark.parametrize("structure", ["auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"])
+@pytest.mark.parametrize("structure", ["auto", "brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"])
 def test_the_structure_asked_for_is_built(load, structure):
     scene = load(models.row_of_spheres(), structure=structure)
     assert scene.created.json()["structure"] == structure
     kinds = {mesh["kind"] for mesh in scene.get("/structure").json()["meshes"]}
     if structure == "auto":
-        assert kinds <= {"brute_force", "bvh", "wide_bvh", "kd_tree", "embree"}
+        assert kinds <= {"brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"}
     else:
         assert kinds == {structure}
 

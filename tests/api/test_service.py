@@ -14,7 +14,7 @@ def test_the_service_describes_itself(client):
     info = client.get("/v1").json()
     assert info["name"] == "gridcast"
     assert re.match(r"^\d+\.\d+\.\d+$", info["version"])
-    assert {"auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"} <= set(info["structures"])
+    assert {"auto", "brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"} <= set(info["structures"])
     assert set(info["precisions"]) == {"fast", "robust", "exact"}
     assert info["limits"]["binary_rays"] >= 8_000_000
     assert info["threads"] >= 1

@@ -19,7 +19,7 @@ from conftest import wait_until
 from test_jobs import events, finish, wait_running
 
 CLASSES = ["random", "edge", "vertex", "grazing", "axis", "coherent", "diffuse", "shadow"]
-STRUCTURES = ["wide_bvh", "bvh", "kd_tree", "embree", "brute_force"]
+STRUCTURES = ["wide_bvh", "compact_bvh", "bvh", "kd_tree", "embree", "brute_force"]
 PRECISIONS = ["fast", "robust", "exact"]
 SMALL = {"accuracy_rays": 600, "speed_rays": 500, "repeat": 1}
 QUICK = SMALL | {"ray_classes": ["random"], "structures": ["wide_bvh"], "precisions": ["robust"]}

@@ -24,7 +24,7 @@ def fresh(load, positions, structure="bvh"):
                 structure=structure)
 
 
-@pytest.mark.parametrize("structure", ["auto", "brute_force", "bvh", "wide_bvh", "kd_tree", "embree"])
+@pytest.mark.parametrize("structure", ["auto", "brute_force", "bvh", "wide_bvh", "compact_bvh", "kd_tree", "embree"])
 def test_deformed_vertices_are_hit_like_a_scene_loaded_with_them(load, structure):
     scene, positions = shapes(load, structure)
     rays = models.random_rays(1500, seed=21)

@@ -117,6 +117,10 @@ BENCHMARK_CAPTURE(tree_robust, wide_bvh, blas::StructureKind::kWideBvh)
     ->Arg(1000)
     ->Arg(100'000);
 BENCHMARK_CAPTURE(tree_fast, wide_bvh, blas::StructureKind::kWideBvh)->Arg(4)->Arg(1000);
+BENCHMARK_CAPTURE(tree_robust, compact_bvh, blas::StructureKind::kCompactBvh)
+    ->Arg(4)
+    ->Arg(1000)
+    ->Arg(100'000);
 BENCHMARK_CAPTURE(tree_robust, kd_tree, blas::StructureKind::kKdTree)->Arg(4)->Arg(1000)->Arg(100'000);
 
 /// The walk alone: instances are found and boxes tested, no tree is entered.

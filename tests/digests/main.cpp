@@ -42,6 +42,7 @@ const Structure kStructures[] = {
     {"wide_bvh", {.kind = blas::StructureKind::kWideBvh}},
     {"wide_bvh in Morton order",
      {.kind = blas::StructureKind::kWideBvh, .quality = blas::BuildQuality::kFast}},
+    {"compact_bvh", {.kind = blas::StructureKind::kCompactBvh}},
     {"kd_tree", {.kind = blas::StructureKind::kKdTree}}};
 
 /// "INPUT QUESTION PRECISION" and hexadecimal digits.

@@ -15,7 +15,8 @@ using namespace gridcast;
 namespace {
 
 constexpr blas::StructureKind kStructures[] = {blas::StructureKind::kBruteForce, blas::StructureKind::kBvh,
-                                               blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree};
+                                               blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree,
+                                               blas::StructureKind::kCompactBvh};
 
 std::shared_ptr<const mesh::TriangleMesh> read_mesh(fuzz::FuzzInput& input) {
   auto mesh = std::make_shared<mesh::TriangleMesh>();

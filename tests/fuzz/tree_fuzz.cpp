@@ -39,6 +39,8 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
       made({.kind = blas::StructureKind::kKdTree}, test::icosphere(2)),
       made({.kind = blas::StructureKind::kWideBvh}, test::slivers(300, 1, 1e3F)),
       made({.kind = blas::StructureKind::kKdTree}, test::slivers(300, 1, 1e3F)),
+      made({.kind = blas::StructureKind::kCompactBvh}, test::icosphere(2)),
+      made({.kind = blas::StructureKind::kCompactBvh}, test::slivers(300, 1, 1e3F)),
       refitted(),
   };
   fuzz::FuzzInput input(data, size);

@@ -141,8 +141,8 @@ TEST(Stability, RC39_InstructionSets) {
   for (const SceneSpec& spec : specs) {
     const bool alone = spec.instances.size() == 1;
     row.blocks(row.rays(), [&](test::Random& random, std::size_t count) {
-      for (const blas::StructureKind kind :
-           {blas::StructureKind::kWideBvh, blas::StructureKind::kBvh, blas::StructureKind::kKdTree}) {
+      for (const blas::StructureKind kind : {blas::StructureKind::kWideBvh, blas::StructureKind::kCompactBvh,
+                                             blas::StructureKind::kBvh, blas::StructureKind::kKdTree}) {
         const auto native = built_as(spec, kind);
         const std::vector<Ray> rays =
             alone ? neighbours(count, random) : rays_at(*native, count, Holes::kInvalidRays, random);

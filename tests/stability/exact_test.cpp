@@ -16,7 +16,7 @@ namespace {
 using blas::StructureKind;
 
 constexpr StructureKind kKinds[] = {StructureKind::kBruteForce, StructureKind::kBvh, StructureKind::kWideBvh,
-                                    StructureKind::kKdTree};
+                                    StructureKind::kCompactBvh, StructureKind::kKdTree};
 
 /// All hits of a batch in one structure.
 HitLists all_hits(const scene::Scene& scene, const std::vector<Shot>& shots,

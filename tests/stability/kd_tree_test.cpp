@@ -18,7 +18,8 @@ using blas::StructureKind;
 
 /// Every structure over the mesh keeps its invariants, and no path is longer than its stack.
 void expect_sound(const MeshSource& source) {
-  for (const StructureKind kind : {StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kKdTree}) {
+  for (const StructureKind kind :
+       {StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kKdTree}) {
     const auto tree = blas::Blas::build(source.mesh, {kind});
     ASSERT_TRUE(tree.ok()) << source.spec << ": " << tree.error().message;
     // The kd-tree's validator searches a leaf for each of its triangles: too slow for leaves of 100,000.

@@ -23,7 +23,8 @@ using mesh::TriangleMesh;
 using Positions = std::vector<Vec3f>;
 
 constexpr std::uint64_t kShuffleSeed = 36;
-constexpr StructureKind kRefittable[] = {StructureKind::kBvh, StructureKind::kWideBvh};
+constexpr StructureKind kRefittable[] = {StructureKind::kBvh, StructureKind::kWideBvh,
+                                         StructureKind::kCompactBvh};
 
 /// How far the vertices are `phase` of the way, from 0 to 1.
 using Deformation = std::function<Positions(const Positions& rest, double phase)>;

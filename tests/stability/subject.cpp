@@ -249,6 +249,7 @@ Subject::Subject(SceneSpec spec) : spec_(std::move(spec)) {
   add("bvh", data, StructureKind::kBvh);
   add("brute_force", data, StructureKind::kBruteForce);
   add("wide_bvh", data, StructureKind::kWideBvh);
+  add("compact_bvh", data, StructureKind::kCompactBvh);
   add("kd_tree", data, StructureKind::kKdTree);
   add("embree", data, StructureKind::kEmbree);
   const Bounds3d bounds = scene().bounds();

@@ -31,8 +31,9 @@ struct Answers {
 
 class Subject {
  public:
-  /// Builds all structures: binary BVH, brute force, wide BVH, kd-tree, Embree, and a grid that holds the
-  /// instances among others that nothing hits. Structures of Embree are left out where it does not run.
+  /// Builds all structures: binary BVH, brute force, wide BVH, compact BVH, kd-tree, Embree, and a grid that
+  /// holds the instances among others that nothing hits. Structures of Embree are left out where it does not
+  /// run.
   explicit Subject(SceneSpec spec);
 
   [[nodiscard]] const SceneSpec& spec() const { return spec_; }

@@ -74,8 +74,9 @@ TEST(Blas, brute_force_costs_a_test_per_triangle_and_notices_another_mesh) {
 }
 
 TEST(Blas, names_are_read_back) {
-  for (const StructureKind kind : {StructureKind::kAuto, StructureKind::kBruteForce, StructureKind::kBvh,
-                                   StructureKind::kWideBvh, StructureKind::kKdTree, StructureKind::kEmbree})
+  for (const StructureKind kind :
+       {StructureKind::kAuto, StructureKind::kBruteForce, StructureKind::kBvh, StructureKind::kWideBvh,
+        StructureKind::kKdTree, StructureKind::kEmbree, StructureKind::kCompactBvh})
     EXPECT_EQ(parse_structure_kind(to_string(kind)).value(), kind);
   for (const BvhSplit split : {BvhSplit::kMidpoint, BvhSplit::kMedian, BvhSplit::kBinnedSah})
     EXPECT_EQ(parse_bvh_split(to_string(split)).value(), split);
@@ -92,7 +93,8 @@ TEST(Blas, an_unknown_name_is_answered_with_the_known_ones) {
   ASSERT_FALSE(kind.ok());
   EXPECT_EQ(kind.error().code, ErrorCode::kInvalidArgument);
   EXPECT_EQ(kind.error().message,
-            "'octree' is not a structure; valid names: auto, brute_force, bvh, wide_bvh, kd_tree, embree");
+            "'octree' is not a structure; valid names: auto, brute_force, bvh, wide_bvh, compact_bvh, "
+            "kd_tree, embree");
   const auto split = parse_bvh_split("");
   ASSERT_FALSE(split.ok());
   EXPECT_EQ(split.error().message, "'' is not a BVH split; valid names: midpoint, median, sah");

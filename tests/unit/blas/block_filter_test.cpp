@@ -21,7 +21,8 @@ void ask_tiny(std::initializer_list<int> exponents, const Ask& ask) {
     ASSERT_TRUE(limit_instruction_set(set));
     for (const int exponent : exponents) {
       const auto mesh = test::share(scaled(test::jittered_icosphere(0, 5), std::ldexp(1.F, exponent)));
-      for (const StructureKind kind : {StructureKind::kWideBvh, StructureKind::kKdTree}) {
+      for (const StructureKind kind :
+           {StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kKdTree}) {
         const std::string name(to_string(kind));
         SCOPED_TRACE(name + " of 2^" + std::to_string(exponent) + " with " + std::string(set));
         ask(Blas::build(mesh, {kind}).value(), std::ldexp(1.0, exponent));

@@ -97,7 +97,8 @@ void expect_refits_answer_like_rebuilds(const TriangleMesh& mesh, StructureKind 
 TEST(BvhRefit, answers_are_those_of_a_rebuilt_tree_after_every_deformation) {
   const std::uint64_t seed = test::seed_or(41);
   for (const TriangleMesh& mesh : {test::torus(40, 20), test::needle_fan(400)}) {
-    for (const StructureKind kind : {StructureKind::kBvh, StructureKind::kWideBvh}) {
+    for (const StructureKind kind :
+         {StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kCompactBvh}) {
       SCOPED_TRACE(to_string(kind));
       expect_refits_answer_like_rebuilds(mesh, kind, seed);
     }

@@ -126,7 +126,8 @@ TEST(ExplainKernels, every_instruction_set_is_told_as_it_decides) {
   for (const std::string_view set : instruction_sets()) {
     SCOPED_TRACE(set);
     ASSERT_TRUE(limit_instruction_set(set));
-    for (const StructureKind kind : {StructureKind::kWideBvh, StructureKind::kKdTree})
+    for (const StructureKind kind :
+         {StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kKdTree})
       for (const auto& mesh : {test::share(test::quad_grid(16)), test::share(test::soup(600, 12, 0.2F))})
         expect_told_as_done(Blas::build(mesh, {kind}).value(), seed, 300);
   }
@@ -259,8 +260,8 @@ TEST(ExplainTrees, every_box_is_met_and_children_come_from_near_to_far) {
 TEST(ExplainTrees, a_way_that_is_cut_ends_at_its_last_step) {
   const auto mesh = test::share(test::jittered_icosphere(3, 5));
   const Ray ray{{0.1, 0.2, 9}, {0, 0, -1}};
-  for (const StructureKind kind :
-       {StructureKind::kBruteForce, StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kKdTree}) {
+  for (const StructureKind kind : {StructureKind::kBruteForce, StructureKind::kBvh, StructureKind::kWideBvh,
+                                   StructureKind::kCompactBvh, StructureKind::kKdTree}) {
     const Blas blas = Blas::build(mesh, {kind}).value();
     mesh::ObjectRay prepared;
     ASSERT_TRUE(prepared.prepare(ray, blas.bounds()));

@@ -40,7 +40,8 @@ TriangleMesh octaves(std::size_t copies) {
 
 TEST(MortonBuilder, a_million_identical_triangles_make_a_shallow_tree) {
   const auto mesh = test::share(identical_triangles(1'000'000));
-  for (const StructureKind kind : {StructureKind::kWideBvh, StructureKind::kBvh}) {
+  for (const StructureKind kind :
+       {StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kBvh}) {
     const Blas tree = fast(mesh, kind);
     const Status valid = tree.validate();
     EXPECT_TRUE(valid.ok()) << valid.error().message << valid.error().where;
@@ -53,7 +54,8 @@ TEST(MortonBuilder, the_depth_is_bounded_where_centers_crowd_geometrically) {
   for (const std::size_t copies : {1, 40, 2000}) {
     SCOPED_TRACE(copies);
     const auto mesh = test::share(octaves(copies));
-    for (const StructureKind kind : {StructureKind::kWideBvh, StructureKind::kBvh}) {
+    for (const StructureKind kind :
+         {StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kBvh}) {
       const Blas tree = fast(mesh, kind);
       const Status valid = tree.validate();
       EXPECT_TRUE(valid.ok()) << valid.error().message << valid.error().where;

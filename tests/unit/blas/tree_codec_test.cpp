@@ -168,7 +168,8 @@ TEST(EncodedTreeKinds, what_has_nothing_to_keep_is_told) {
 
 TEST(EncodedTreeKinds, a_mesh_without_triangles_has_a_tree_too) {
   const auto mesh = test::share(TriangleMesh{});
-  for (const StructureKind kind : {StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kKdTree}) {
+  for (const StructureKind kind :
+       {StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kKdTree}) {
     const auto made = decode_tree(mesh, bytes_of(Blas::build(mesh, {kind}).value()));
     ASSERT_TRUE(made.ok()) << made.error().message;
     EXPECT_EQ(made->stats().kind, kind);

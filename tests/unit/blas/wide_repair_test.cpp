@@ -245,7 +245,8 @@ TEST(WideRepair, a_tree_built_over_points_is_left_alone) {
 
 TEST(WideRepair, structures_without_it_and_a_stop_are_errors) {
   const auto mesh = test::share(exploded(sphere(), 0.4F));
-  for (const StructureKind kind : {StructureKind::kBvh, StructureKind::kKdTree, StructureKind::kBruteForce}) {
+  for (const StructureKind kind : {StructureKind::kBvh, StructureKind::kCompactBvh, StructureKind::kKdTree,
+                                   StructureKind::kBruteForce}) {
     const auto refused = Blas::build(mesh, {.kind = kind}).value().repair();
     ASSERT_FALSE(refused.ok());
     EXPECT_EQ(refused.error().code, ErrorCode::kUnsupported);

@@ -41,8 +41,8 @@ TEST(Tradeoff, EveryMethodHasARowInEveryClass) {
       measure_tradeoffs(row_of(test::jittered_icosphere(2, 5), 3), tiny_options(),
                         [&](double fraction) { progress = std::max(progress.load(), fraction); });
   ASSERT_TRUE(report) << report.error().message;
-  // Five structures in three precisions, and two of Embree.
-  EXPECT_EQ(report->rows.size(), 17U * kAllRayClasses.size());
+  // Six structures in three precisions, and two of Embree.
+  EXPECT_EQ(report->rows.size(), 20U * kAllRayClasses.size());
   EXPECT_EQ(report->closed_meshes, 1U);
   EXPECT_DOUBLE_EQ(progress.load(), 1.0);
   for (const RayClass ray_class : kAllRayClasses)

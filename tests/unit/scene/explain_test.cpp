@@ -164,7 +164,8 @@ TEST(Explain, the_way_leads_to_the_hit_through_the_instances_that_are_visited_in
   Seen seen;
   for (const auto kind :
        {blas::StructureKind::kAuto, blas::StructureKind::kBvh, blas::StructureKind::kWideBvh,
-        blas::StructureKind::kKdTree, blas::StructureKind::kBruteForce, blas::StructureKind::kEmbree}) {
+        blas::StructureKind::kCompactBvh, blas::StructureKind::kKdTree, blas::StructureKind::kBruteForce,
+        blas::StructureKind::kEmbree}) {
     SceneBuildOptions options;
     options.blas.kind = kind;
     for (auto& [name, data] : awkward_scenes(150, random)) {

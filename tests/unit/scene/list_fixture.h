@@ -8,9 +8,9 @@
 
 namespace gridcast::scene {
 
-inline constexpr blas::StructureKind kKinds[] = {blas::StructureKind::kBruteForce, blas::StructureKind::kBvh,
-                                                 blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree,
-                                                 blas::StructureKind::kEmbree};
+inline constexpr blas::StructureKind kKinds[] = {
+    blas::StructureKind::kBruteForce, blas::StructureKind::kBvh,        blas::StructureKind::kWideBvh,
+    blas::StructureKind::kKdTree,     blas::StructureKind::kCompactBvh, blas::StructureKind::kEmbree};
 
 inline std::vector<double> rows_of(const std::vector<Ray>& rays) {
   std::vector<double> rows;

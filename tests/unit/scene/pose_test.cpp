@@ -352,7 +352,8 @@ TEST(Pose, a_hundred_frames_answer_like_scenes_built_anew_in_every_structure) {
   const std::uint64_t seed = test::seed_or(2026);
   for (const auto kind :
        {blas::StructureKind::kAuto, blas::StructureKind::kBruteForce, blas::StructureKind::kBvh,
-        blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree, blas::StructureKind::kEmbree}) {
+        blas::StructureKind::kWideBvh, blas::StructureKind::kCompactBvh, blas::StructureKind::kKdTree,
+        blas::StructureKind::kEmbree}) {
     SCOPED_TRACE(std::string(to_string(kind)));
     test::Random random(seed);
     SceneBuildOptions options;

@@ -128,8 +128,9 @@ TEST(RestPose, structures_answer_alike_over_bent_meshes) {
   add_shown(data, 0, {0.5F});
   add_shown(data, kInvalidId, {});
   const auto first = built(data);
-  for (const auto kind : {blas::StructureKind::kBvh, blas::StructureKind::kKdTree,
-                          blas::StructureKind::kBruteForce, blas::StructureKind::kEmbree}) {
+  for (const auto kind :
+       {blas::StructureKind::kBvh, blas::StructureKind::kCompactBvh, blas::StructureKind::kKdTree,
+        blas::StructureKind::kBruteForce, blas::StructureKind::kEmbree}) {
     SceneBuildOptions options;
     options.blas.kind = kind;
     const auto other = built(data, options);

@@ -89,8 +89,8 @@ mesh::TriangleMesh tips() {
 // room that its drift asks for, alone and in packets.
 TEST(TraceExact, CornersAreHitWhereTheImageOfTheRayHasFewDigits) {
   test::Random random(test::seed_or(5207));
-  for (const blas::StructureKind kind :
-       {blas::StructureKind::kBruteForce, blas::StructureKind::kWideBvh, blas::StructureKind::kKdTree}) {
+  for (const blas::StructureKind kind : {blas::StructureKind::kBruteForce, blas::StructureKind::kWideBvh,
+                                         blas::StructureKind::kCompactBvh, blas::StructureKind::kKdTree}) {
     SCOPED_TRACE(to_string(kind));
     int lost = 0;
     for (int i = 0; i < 40; ++i) {

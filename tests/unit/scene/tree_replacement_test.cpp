@@ -257,7 +257,7 @@ TEST(TreeReplacement, a_kd_tree_that_was_asked_for_gives_way_when_its_mesh_defor
 TEST(TreeReplacement, a_hundred_frames_answer_like_scenes_built_anew_in_every_structure) {
   const std::uint64_t seed = test::seed_or(77);
   for (const auto kind : {StructureKind::kAuto, StructureKind::kBruteForce, StructureKind::kBvh,
-                          StructureKind::kWideBvh, StructureKind::kKdTree}) {
+                          StructureKind::kWideBvh, StructureKind::kCompactBvh, StructureKind::kKdTree}) {
     SCOPED_TRACE(std::string(to_string(kind)));
     auto scene = scene_of(3, kind);
     const Positions start = positions_of(*scene);

@@ -102,8 +102,8 @@ class KeptTreesTest : public testing::Test {
 };
 
 TEST_F(KeptTreesTest, a_restart_has_every_kind_of_tree_as_it_was_built) {
-  for (const StructureKind kind :
-       {StructureKind::kAuto, StructureKind::kBvh, StructureKind::kWideBvh, StructureKind::kKdTree}) {
+  for (const StructureKind kind : {StructureKind::kAuto, StructureKind::kBvh, StructureKind::kWideBvh,
+                                   StructureKind::kCompactBvh, StructureKind::kKdTree}) {
     const ScenePtr scene = sphere(kind);
     EXPECT_EQ(store(scene).kept, 1U);
     const Life life = restarted();

@@ -1,0 +1,158 @@
+// The traversal of trees with eight children a node, for whatever lays out their nodes and leaves. Included
+// once per instruction set by the traversal kernels (see hwy/foreach_target.h), hence the guard that toggles.
+#if defined(GRIDCAST_BLAS_WIDE_KERNEL_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef GRIDCAST_BLAS_WIDE_KERNEL_INL_H
+#undef GRIDCAST_BLAS_WIDE_KERNEL_INL_H
+#else
+#define GRIDCAST_BLAS_WIDE_KERNEL_INL_H
+#endif
+
+#include <bit>
+
+#include <hwy/highway.h>
+
+#include "core/blas/block_filter-inl.h"
+#include "core/blas/wide_view.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace gridcast::blas::HWY_NAMESPACE {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// A node or leaf to visit: the bits of its s_enter, which order like the float as it is not negative, and
+/// its link.
+using StackEntry = std::int64_t;
+
+HWY_INLINE StackEntry entry(std::int32_t s_enter_bits, std::uint32_t link) {
+  return (std::int64_t(s_enter_bits) << 32) | std::int64_t(link);
+}
+/// Above every entry that is entered at s_far or before.
+HWY_INLINE StackEntry far_entry(float s_far) {
+  return entry(std::bit_cast<std::int32_t>(s_far), 0xFFFFFFFFU);
+}
+
+/// The ray spread over lanes, and which planes are near.
+struct WideRay {
+  using D8 = hn::CappedTag<float, 8>;
+
+  explicit HWY_INLINE WideRay(const mesh::ObjectRay& r) : ray(r), block(r) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int negative = r.inverse_direction[axis] >= 0.F ? 0 : 1;
+      near_plane[axis] = (negative * 3 + axis) * 8;
+      far_plane[axis] = ((1 - negative) * 3 + axis) * 8;
+    }
+  }
+
+  const mesh::ObjectRay& ray;
+  BlockRay block;
+  int near_plane[3];
+  int far_plane[3];
+};
+
+/// As many planes of one axis as there are lanes, from a place in `planes` on: [lower, upper][axis][slot].
+HWY_INLINE hn::Vec<WideRay::D8> planes_of(const WideRay& /*r*/, const WideNode& node, int /*axis*/,
+                                          std::size_t place) {
+  return hn::Load(WideRay::D8(), &node.planes[0][0][0] + place);
+}
+
+/// Slab test of all eight slots: sets the bits of s_enter of each, returns a bit per slot that may be hit.
+/// Integers compare like the floats here, in fewer cycles: a negative distance is below every other, whatever
+/// its size, and loses against the 0 of the start or fails as an exit.
+template <class Node>
+HWY_INLINE std::uint32_t enter_children(const Node& node, const WideRay& r, float s_far,
+                                        std::int32_t* HWY_RESTRICT s_enter) {
+  const WideRay::D8 d;
+  const hn::RebindToSigned<WideRay::D8> di;
+  const mesh::ObjectRay& ray = r.ray;
+  std::uint32_t misses = 0;
+  for (std::size_t i = 0; i < 8; i += hn::Lanes(d)) {
+    auto enter = hn::Zero(di);
+    auto exit = hn::BitCast(di, hn::Set(d, s_far));
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto inverse = hn::Set(d, ray.inverse_direction[axis]);
+      const auto near = hn::MulAdd(planes_of(r, node, axis, r.near_plane[axis] + i), inverse,
+                                   hn::Set(d, ray.near_offset[axis]));
+      const auto far = hn::MulAdd(planes_of(r, node, axis, r.far_plane[axis] + i), inverse,
+                                  hn::Set(d, ray.far_offset[axis]));
+      enter = hn::Max(enter, hn::BitCast(di, near));
+      exit = hn::Min(exit, hn::BitCast(di, far));
+    }
+    hn::Store(enter, di, s_enter + i);
+    std::uint8_t bits[8] = {0};
+    hn::StoreMaskBits(di, hn::Gt(enter, exit), bits);
+    misses |= std::uint32_t(bits[0]) << i;
+  }
+  return ~misses & used_slots(node);
+}
+
+template <Precision kPrecision, Collector C>
+HWY_INLINE Offer intersect_leaf(const WideView& tree, std::uint32_t link, const BlockRay& r, float s_far,
+                                C& collector) {
+  return intersect_leaf<kPrecision>(tree.blocks + wide_child::index(link), wide_child::block_count(link), r,
+                                    s_far, collector);
+}
+
+// The stack holds what is still to visit, nearest on top. Entries of one node are inserted in order.
+template <Precision kPrecision, class View, Collector C>
+HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collector) {
+  const WideRay r(ray);
+  StackEntry stack[kWideStackSize];
+  std::size_t size = 0;
+  bool narrowed = false;
+  float s_far = ray.cull_far(collector.tfar());
+  StackEntry last = far_entry(s_far);
+  std::uint32_t link = 0;
+  alignas(32) std::int32_t s_enter[8];
+  for (;;) {
+    if (!wide_child::is_leaf(link)) {
+      const auto& node = tree.nodes[link];
+      std::uint32_t hits = enter_children(node, r, s_far, s_enter);
+      if (hits != 0) {
+        // The nearest child stays in `next`; the others go on the stack, farthest first.
+        std::int64_t next = 0;
+        auto slot = std::uint32_t(__builtin_ctz(hits));
+        hits &= hits - 1;
+        if (hits == 0) {
+          link = tree.child(node, slot);
+          continue;
+        }
+        next = entry(s_enter[slot], tree.child(node, slot));
+        const std::size_t bottom = size;
+        for (; hits != 0; hits &= hits - 1) {
+          slot = std::uint32_t(__builtin_ctz(hits));
+          std::int64_t other = entry(s_enter[slot], tree.child(node, slot));
+          if constexpr (!C::kStopsAtFirst) {
+            const std::int64_t nearer = std::min(next, other);
+            other = std::max(next, other);
+            next = nearer;
+            std::size_t place = size++;
+            for (; place > bottom && stack[place - 1] < other; --place) stack[place] = stack[place - 1];
+            stack[place] = other;
+          } else {
+            stack[size++] = other;
+          }
+        }
+        link = std::uint32_t(next);
+        continue;
+      }
+    } else {
+      const Offer offer = intersect_leaf<kPrecision>(tree, link, r.block, s_far, collector);
+      if (offer == Offer::kDone) return true;
+      if (offer == Offer::kNarrowed) {
+        narrowed = true;
+        s_far = ray.cull_far(collector.tfar());
+        last = far_entry(s_far);
+      }
+    }
+    do {
+      if (size == 0) return narrowed;
+      --size;
+    } while (!C::kStopsAtFirst && stack[size] > last);
+    link = std::uint32_t(stack[size]);
+  }
+}
+
+}  // namespace gridcast::blas::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#endif
