@@ -61,6 +61,16 @@ Status store(Slot& slot, Result<std::shared_ptr<const T>> built) {
   return ok_status();
 }
 
+/// Calls trace(tree, what it needs beside its ray) for a structure that traces packets; others say that they
+/// do not.
+template <class Structure, class Trace>
+PacketResult trace_packet(const Structure& structure, const mesh::TriangleMesh& mesh, const Trace& trace) {
+  if (const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure)) return trace(**wide);
+  if (const auto* compact = std::get_if<std::shared_ptr<const CompactBvh>>(&structure))
+    return trace(**compact, mesh);
+  return {};
+}
+
 Error out_of_memory() {
   return {ErrorCode::kLimitExceeded, "not enough memory for this structure", {}};
 }
@@ -273,30 +283,28 @@ void Blas::prefetch_corners(const Hit& hit) const {
 }
 
 bool Blas::has_packets() const {
-  return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_);
+  return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_) ||
+         std::holds_alternative<std::shared_ptr<const CompactBvh>>(structure_);
 }
 
 template <Precision kPrecision>
 PacketResult Blas::intersect_packet(const RayPacket& packet, Hit* best) const {
-  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
-  if (wide == nullptr) return {};
-  if constexpr (kPrecision == Precision::kExact) {
-    const auto& exact = static_cast<const ExactPacket&>(packet);
-    return (*wide)->intersect_packet<kPrecision, false>(bounds_, exact, exact.best);
-  } else {
-    return (*wide)->intersect_packet<kPrecision, false>(bounds_, packet, best);
-  }
+  return trace_packet(structure_, *mesh_, [&](const auto& tree, const auto&... mesh) {
+    if constexpr (kPrecision == Precision::kExact) {
+      const auto& exact = static_cast<const ExactPacket&>(packet);
+      return tree.template intersect_packet<kPrecision, false>(mesh..., bounds_, exact, exact.best);
+    } else {
+      return tree.template intersect_packet<kPrecision, false>(mesh..., bounds_, packet, best);
+    }
+  });
 }
 
 template <Precision kPrecision>
 PacketResult Blas::occluded_packet(const RayPacket& packet) const {
-  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
-  if (wide == nullptr) return {};
-  if constexpr (kPrecision == Precision::kExact)
-    return (*wide)->intersect_packet<kPrecision, true>(bounds_, static_cast<const ExactPacket&>(packet),
-                                                       nullptr);
-  else
-    return (*wide)->intersect_packet<kPrecision, true>(bounds_, packet, nullptr);
+  return trace_packet(structure_, *mesh_, [&](const auto& tree, const auto&... mesh) {
+    const auto& of_precision = static_cast<const PacketOf<kPrecision>&>(packet);
+    return tree.template intersect_packet<kPrecision, true>(mesh..., bounds_, of_precision, nullptr);
+  });
 }
 
 PacketResult intersect_packet_exact(const Blas& blas, const ExactPacket& packet) {

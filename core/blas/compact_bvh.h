@@ -1,5 +1,5 @@
 #pragma once
-// The wide tree at half its memory: nodes of 80 bytes, and leaves that name triangles and hold no corners.
+// The wide tree in an eighth of its memory: nodes of 80 bytes, and leaves that name triangles and hold no corners.
 
 #include <memory>
 #include <stop_token>
@@ -9,6 +9,7 @@
 #include "core/blas/collector.h"
 #include "core/blas/compact_node.h"
 #include "core/blas/compact_view.h"
+#include "core/blas/exact_packet.h"
 #include "core/blas/point_sink.h"
 #include "core/blas/tree_bytes.h"
 
@@ -39,6 +40,11 @@ class CompactBvh {
 
   /// Offers the triangles around sink.center(); see PointSink.
   void search(const mesh::TriangleMesh& mesh, PointSink& sink) const;
+
+  /// As WideBvh::intersect_packet.
+  template <Precision kPrecision, bool kAnyHit>
+  PacketResult intersect_packet(const mesh::TriangleMesh& mesh, const Bounds3f& bounds,
+                                const PacketOf<kPrecision>& packet, BestOf<kPrecision>* best) const;
 
   /// Links are in order, every triangle is in a leaf, and what a path of boxes leaves of space contains the
   /// triangles at its end. Boxes need not contain those of their children, which are rounded on finer grids.

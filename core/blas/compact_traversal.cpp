@@ -8,8 +8,8 @@
 #include <hwy/highway.h>
 
 #include "core/blas/compact_bvh.h"
-#include "core/blas/compact_kernel-inl.h"
 #include "core/blas/kernel_steps.h"
+#include "core/blas/wide_kernel-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::blas::HWY_NAMESPACE {

@@ -1,4 +1,4 @@
-// The set-up of a packet, compiled once per instruction set: included by wide_packet.cpp alone.
+// The set-up of a packet, compiled once per instruction set: included by packet_walk-inl.h alone.
 
 #if defined(GRIDCAST_BLAS_PACKET_FRAME_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef GRIDCAST_BLAS_PACKET_FRAME_INL_H_

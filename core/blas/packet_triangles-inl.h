@@ -1,5 +1,5 @@
 // Which rays of a packet may hit which triangle, compiled once per instruction set: included by
-// wide_packet.cpp alone.
+// packet_walk-inl.h alone.
 
 #if defined(GRIDCAST_BLAS_PACKET_TRIANGLES_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef GRIDCAST_BLAS_PACKET_TRIANGLES_INL_H_

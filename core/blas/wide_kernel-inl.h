@@ -12,12 +12,10 @@
 #include <hwy/highway.h>
 
 #include "core/blas/block_filter-inl.h"
-#include "core/blas/wide_view.h"
+#include "core/blas/view_kernel-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::blas::HWY_NAMESPACE {
-
-namespace hn = hwy::HWY_NAMESPACE;
 
 /// A node or leaf to visit: the bits of its s_enter, which order like the float as it is not negative, and
 /// its link.
@@ -49,12 +47,6 @@ struct WideRay {
   int far_plane[3];
 };
 
-/// As many planes of one axis as there are lanes, from a place in `planes` on: [lower, upper][axis][slot].
-HWY_INLINE hn::Vec<WideRay::D8> planes_of(const WideRay& /*r*/, const WideNode& node, int /*axis*/,
-                                          std::size_t place) {
-  return hn::Load(WideRay::D8(), &node.planes[0][0][0] + place);
-}
-
 /// Slab test of all eight slots: sets the bits of s_enter of each, returns a bit per slot that may be hit.
 /// Integers compare like the floats here, in fewer cycles: a negative distance is below every other, whatever
 /// its size, and loses against the 0 of the start or fails as an exit.
@@ -70,9 +62,9 @@ HWY_INLINE std::uint32_t enter_children(const Node& node, const WideRay& r, floa
     auto exit = hn::BitCast(di, hn::Set(d, s_far));
     for (int axis = 0; axis < 3; ++axis) {
       const auto inverse = hn::Set(d, ray.inverse_direction[axis]);
-      const auto near = hn::MulAdd(planes_of(r, node, axis, r.near_plane[axis] + i), inverse,
+      const auto near = hn::MulAdd(planes_of(d, node, axis, r.near_plane[axis] + i), inverse,
                                    hn::Set(d, ray.near_offset[axis]));
-      const auto far = hn::MulAdd(planes_of(r, node, axis, r.far_plane[axis] + i), inverse,
+      const auto far = hn::MulAdd(planes_of(d, node, axis, r.far_plane[axis] + i), inverse,
                                   hn::Set(d, ray.far_offset[axis]));
       enter = hn::Max(enter, hn::BitCast(di, near));
       exit = hn::Min(exit, hn::BitCast(di, far));
@@ -86,10 +78,18 @@ HWY_INLINE std::uint32_t enter_children(const Node& node, const WideRay& r, floa
 }
 
 template <Precision kPrecision, Collector C>
-HWY_INLINE Offer intersect_leaf(const WideView& tree, std::uint32_t link, const BlockRay& r, float s_far,
+HWY_INLINE Offer intersect_leaf(const WideView& tree, std::uint32_t link, const WideRay& r, float s_far,
                                 C& collector) {
-  return intersect_leaf<kPrecision>(tree.blocks + wide_child::index(link), wide_child::block_count(link), r,
-                                    s_far, collector);
+  return intersect_leaf<kPrecision>(tree.blocks + wide_child::index(link), wide_child::block_count(link),
+                                    r.block, s_far, collector);
+}
+
+template <Precision kPrecision, Collector C>
+HWY_INLINE Offer intersect_leaf(const CompactView& tree, std::uint32_t link, const WideRay& r, float s_far,
+                                C& collector) {
+  TriangleBlock blocks[2];
+  const std::uint32_t count = gather_leaf(tree, link, blocks);
+  return intersect_leaf<kPrecision>(blocks, count, r.block, s_far, collector);
 }
 
 // The stack holds what is still to visit, nearest on top. Entries of one node are inserted in order.
@@ -121,6 +121,7 @@ HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collec
         for (; hits != 0; hits &= hits - 1) {
           slot = std::uint32_t(__builtin_ctz(hits));
           std::int64_t other = entry(s_enter[slot], tree.child(node, slot));
+          prefetch(tree, std::uint32_t(other));
           if constexpr (!C::kStopsAtFirst) {
             const std::int64_t nearer = std::min(next, other);
             other = std::max(next, other);
@@ -136,7 +137,7 @@ HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collec
         continue;
       }
     } else {
-      const Offer offer = intersect_leaf<kPrecision>(tree, link, r.block, s_far, collector);
+      const Offer offer = intersect_leaf<kPrecision>(tree, link, r, s_far, collector);
       if (offer == Offer::kDone) return true;
       if (offer == Offer::kNarrowed) {
         narrowed = true;

@@ -134,6 +134,7 @@ void expect_entered_alike(const CompactNode& node, const Bounds3f& bounds, Rando
 }
 
 TEST(CompactNode, kernels_decode_the_same_bits_in_every_instruction_set) {
+  const std::string before(instruction_set());
   for (const std::string_view set : instruction_sets()) {
     SCOPED_TRACE(set);
     ASSERT_TRUE(limit_instruction_set(set));
@@ -153,7 +154,7 @@ TEST(CompactNode, kernels_decode_the_same_bits_in_every_instruction_set) {
       }
     }
   }
-  ASSERT_TRUE(limit_instruction_set(""));
+  ASSERT_TRUE(limit_instruction_set(before));
 }
 
 TEST(CompactBvh, every_tree_is_valid_from_no_triangle_to_many) {
@@ -209,7 +210,7 @@ TEST(CompactBvh, the_tree_does_not_depend_on_the_number_of_threads) {
   EXPECT_TRUE(same_bits(*one, *four));
 }
 
-TEST(CompactBvh, it_takes_a_quarter_of_the_wide_trees_memory_and_40_bytes_a_triangle_with_its_mesh) {
+TEST(CompactBvh, it_takes_a_sixth_of_the_wide_trees_memory_and_40_bytes_a_triangle_with_its_mesh) {
   const TriangleMesh mesh = test::icosphere(5);
   StructureStats compact, wide;
   built(mesh)->add_stats(compact);
@@ -220,7 +221,7 @@ TEST(CompactBvh, it_takes_a_quarter_of_the_wide_trees_memory_and_40_bytes_a_tria
   EXPECT_EQ(compact.max_depth, wide.max_depth);
   EXPECT_GE(compact.cost, wide.cost);
   EXPECT_LT(compact.cost, 1.1 * wide.cost);
-  EXPECT_LT(4 * compact.memory_bytes, wide.memory_bytes);
+  EXPECT_LT(6 * compact.memory_bytes, wide.memory_bytes);
   EXPECT_LT(double(compact.memory_bytes + mesh.memory_bytes()), 40.0 * double(mesh.triangle_count()));
 }
 

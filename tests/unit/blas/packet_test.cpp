@@ -90,11 +90,13 @@ void expect_same_as_single_rays(const Blas& blas, const Bundle& bundle, int& tra
   }
 }
 
-TEST(WidePacket, every_ray_gets_the_answer_it_gets_alone) {
+class Packet : public testing::TestWithParam<StructureKind> {};
+
+TEST_P(Packet, every_ray_gets_the_answer_it_gets_alone) {
   const std::uint64_t seed = test::seed_or(71);
   for (const MeshCase& mesh_case : mesh_cases()) {
     SCOPED_TRACE(mesh_case.name);
-    const auto blas = Blas::build(mesh_case.mesh, {StructureKind::kWideBvh});
+    const auto blas = Blas::build(mesh_case.mesh, {GetParam()});
     ASSERT_TRUE(blas.ok());
     RayMaker maker(*mesh_case.mesh, seed);
     const double size = max_abs(to_double(mesh_case.mesh->bounds()).extent());
@@ -110,10 +112,10 @@ TEST(WidePacket, every_ray_gets_the_answer_it_gets_alone) {
 }
 
 // A set of few lanes takes a block's triangles and a packet's rays in several steps, one of many in one.
-TEST(WidePacket, every_instruction_set_gives_the_same_answers) {
+TEST_P(Packet, every_instruction_set_gives_the_same_answers) {
   const std::uint64_t seed = test::seed_or(73);
   const std::string before(instruction_set());
-  const auto blas = Blas::build(test::share(test::jittered_icosphere(3, 73)), {StructureKind::kWideBvh});
+  const auto blas = Blas::build(test::share(test::jittered_icosphere(3, 73)), {GetParam()});
   ASSERT_TRUE(blas.ok());
   for (const std::string_view name : instruction_sets()) {
     SCOPED_TRACE(name);
@@ -130,8 +132,8 @@ TEST(WidePacket, every_instruction_set_gives_the_same_answers) {
   ASSERT_TRUE(limit_instruction_set(before));
 }
 
-TEST(WidePacket, rays_far_apart_are_left_to_the_caller) {
-  const auto blas = Blas::build(test::share(test::icosphere(3)), {StructureKind::kWideBvh});
+TEST_P(Packet, rays_far_apart_are_left_to_the_caller) {
+  const auto blas = Blas::build(test::share(test::icosphere(3)), {GetParam()});
   ASSERT_TRUE(blas.ok());
   Bundle bundle;
   Random random(test::seed_or(72));
@@ -143,7 +145,11 @@ TEST(WidePacket, rays_far_apart_are_left_to_the_caller) {
   EXPECT_FALSE(blas->occluded_packet<Precision::kRobust>(packet_of(bundle)).traced);
 }
 
-TEST(WidePacket, other_structures_have_none) {
+INSTANTIATE_TEST_SUITE_P(Structures, Packet,
+                         testing::Values(StructureKind::kWideBvh, StructureKind::kCompactBvh),
+                         [](const auto& kind) { return std::string(to_string(kind.param)); });
+
+TEST(PacketKinds, other_structures_have_none) {
   const auto blas = Blas::build(test::share(test::icosphere(3)), {StructureKind::kBvh});
   ASSERT_TRUE(blas.ok());
   EXPECT_FALSE(blas->has_packets());
