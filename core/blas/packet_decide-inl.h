@@ -1,5 +1,5 @@
-// The triangle test for several rays of a packet at once, compiled once per instruction set: included by
-// wide_packet.cpp alone.
+// The triangle test for several rays of a packet at once, compiled once per instruction set: included by the
+// packet kernels alone.
 
 #if defined(GRIDCAST_BLAS_PACKET_DECIDE_INL_H_) == defined(HWY_TARGET_TOGGLE)
 #ifdef GRIDCAST_BLAS_PACKET_DECIDE_INL_H_

@@ -7,12 +7,15 @@
 #define GRIDCAST_BLAS_PACKET_WALK_INL_H_
 #endif
 
+#include <bit>
 #include <type_traits>
 
 #include <hwy/highway.h>
 
+#include "core/blas/block_filter-inl.h"
 #include "core/blas/collector.h"
 #include "core/blas/exact_packet.h"
+#include "core/blas/packet_decide-inl.h"
 #include "core/blas/packet_frame-inl.h"
 #include "core/blas/packet_triangles-inl.h"
 #include "core/blas/view_kernel-inl.h"
@@ -24,7 +27,7 @@ namespace gridcast::blas::HWY_NAMESPACE {
 /// One packet on its way through one tree. "Large Ray Packets for Real-time Whitted Ray Tracing", R.
 /// Overbeck, 2008, has the parts: a frustum test for inner nodes, active rays at leaves; unlike the paper the
 /// frustum is an interval of inverse directions, leaves test all rays of the packet at once, and what they
-/// find is decided ray by ray.
+/// find is decided eight rays at a time or one by one.
 template <Precision kPrecision, bool kAnyHit, class View>
 class PacketWalk {
  public:
@@ -180,6 +183,8 @@ class PacketWalk {
       std::uint32_t rays = inside & (frame_.common_origin ? filter_triangle<true>(triangles, lane, frame_)
                                                           : filter_triangle<false>(triangles, lane, frame_));
       if constexpr (kAnyHit) rays &= active_;
+      if constexpr (kPrecision == Precision::kRobust)
+        if (std::popcount(rays) >= kFewestAtOnce) rays = decide_many(block, lane, rays, closer);
       for (; rays != 0; rays &= rays - 1) closer |= decide(block, lane, std::uint32_t(__builtin_ctz(rays)));
     }
     return closer;
@@ -198,20 +203,70 @@ class PacketWalk {
     return closer;
   }
 
-  /// What decides about a ray and a triangle that no filter rejected. True when the ray's s_far changed.
-  HWY_INLINE bool decide(const TriangleBlock& block, std::size_t lane, std::uint32_t r) {
-    if ((prepared_ >> r & 1U) == 0 && !prepare_ray(r)) return true;
-    auto collector = collector_of(r);
-    if (test_triangle<kPrecision>(rays_[r], block.corner(0, lane), block.corner(1, lane),
-                                  block.corner(2, lane), block.ids[lane], collector) == Offer::kGoOn)
-      return false;
+  /// Fewer rays are decided one by one.
+  static constexpr int kFewestAtOnce = 3;
+
+  /// Decides about these rays and a triangle; the rays that are left for `decide`. Sets `closer` when the
+  /// s_far of a ray changed.
+  HWY_INLINE std::uint32_t decide_many(const TriangleBlock& block, std::size_t lane, std::uint32_t rays,
+                                       bool& closer) {
+    const auto corner = [&](int number) {
+      const auto& columns = block.corners[number];
+      return Vec3f(columns[frame_.axes[0]][lane], columns[frame_.axes[1]][lane],
+                   columns[frame_.axes[2]][lane]);
+    };
+    const mesh::AxesTriangle triangle(corner(0), corner(1), corner(2));
+    const double mesh_size = double(bounds_.magnitude());
+    const std::size_t lanes = hn::Lanes(DecideTag());
+    std::uint32_t left = 0;
+    for (std::size_t first = 0; first < kLanes; first += lanes) {
+      const std::uint32_t asked = rays >> first & ((1U << lanes) - 1);
+      if (asked == 0) continue;
+      DecidedRays decided;
+      intersect_many(packet_, frame_, mesh_size, triangle, first, decided);
+      left |= (asked & decided.undecided) << first;
+      for (std::uint32_t hits = asked & decided.hit; hits != 0; hits &= hits - 1) {
+        const auto k = std::uint32_t(__builtin_ctz(hits));
+        closer |= keep(block, lane, std::uint32_t(first) + k, {decided.t[k], decided.u[k], decided.v[k]});
+      }
+    }
+    return left;
+  }
+
+  /// What a hit of the triangle test becomes. True when the ray's s_far changed.
+  HWY_INLINE bool keep(const TriangleBlock& block, std::size_t lane, std::uint32_t r,
+                       const mesh::TriangleHit& hit) {
+    const mesh::RayEnds ends{packet_.tnear[r], packet_.instance_id, packet_.excluded_primitive[r]};
+    if constexpr (kAnyHit) {
+      if (!mesh::in_range(ends, hit, packet_.tfar[r], block.ids[lane])) return false;
+    } else {
+      if (!mesh::keep_closer(ends, hit, block.ids[lane], best_[r])) return false;
+    }
+    follow(block, lane, r);
+    return true;
+  }
+
+  /// After ray r has a new best hit, or any.
+  HWY_INLINE void follow(const TriangleBlock& block, std::size_t lane, std::uint32_t r) {
     hits_ |= 1U << r;
     if constexpr (kAnyHit) {
       switch_off(r);
     } else {
-      const double s = collector.tfar() * frame_.scale[r] - frame_.shift[r];
+      if constexpr (!kExact) best_[r].corners_at = place_of(tree_, block, lane);
+      const double s = collector_of(r).tfar() * frame_.scale[r] - frame_.shift[r];
       frame_.s_far[r] = float(s + std::abs(s) * 0x1p-22) + frame_.pad;
     }
+  }
+
+  /// What decides about a ray and a triangle that no filter rejected. True when the ray's s_far changed.
+  HWY_INLINE bool decide(const TriangleBlock& block, std::size_t lane, std::uint32_t r) {
+    if ((prepared_ >> r & 1U) == 0 && !prepare_ray(r)) return true;
+    auto collector = collector_of(r);
+    typename decltype(collector)::Candidate hit;
+    if (!decide_lane<kPrecision>(block, std::uint32_t(lane), rays_[r], hit) ||
+        collector.offer(rays_[r], hit, block.ids[lane]) == Offer::kGoOn)
+      return false;
+    follow(block, lane, r);
     return true;
   }
 

@@ -87,11 +87,29 @@ HWY_INLINE std::uint32_t gather_leaf(const CompactView& tree, std::uint32_t link
   return 2;
 }
 
-/// Of what goes on the stack the ids of a leaf are fetched, with which its wait for corners begins. Nodes and
-/// blocks come soon enough alone.
-HWY_INLINE void prefetch(const WideView& /*tree*/, std::uint32_t /*link*/) {}
+/// Asks for the memory of a node or of the first block of a leaf that will be looked at soon: with trees
+/// larger than the second-level cache that is what a ray waits for most.
+HWY_INLINE void prefetch(const WideView& tree, std::uint32_t link) {
+  constexpr std::size_t kLine = 64;
+  const bool leaf = wide_child::is_leaf(link);
+  const void* place =
+      leaf ? static_cast<const void*>(tree.blocks + wide_child::index(link)) : tree.nodes + link;
+  const auto* line = static_cast<const std::byte*>(place);
+  const std::size_t size = leaf ? sizeof(TriangleBlock) : sizeof(WideNode);
+  for (std::size_t at = 0; at < size; at += kLine) __builtin_prefetch(line + at);
+}
+/// Only the ids of a leaf, with which its wait for corners begins.
 HWY_INLINE void prefetch(const CompactView& tree, std::uint32_t link) {
   if (wide_child::is_leaf(link)) __builtin_prefetch(tree.ids + compact_child::first_id(link));
+}
+
+/// Hit::corners_at of a lane of a block that for_leaf() showed.
+HWY_INLINE std::uint32_t place_of(const WideView& tree, const TriangleBlock& block, std::size_t lane) {
+  return corners_at(std::size_t(&block - tree.blocks), lane);
+}
+HWY_INLINE std::uint32_t place_of(const CompactView& /*tree*/, const TriangleBlock& /*block*/,
+                                  std::size_t /*lane*/) {
+  return kInvalidId;
 }
 
 /// Calls visit(block) for each block of a leaf, until it returns false.

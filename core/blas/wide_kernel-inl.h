@@ -29,22 +29,31 @@ HWY_INLINE StackEntry far_entry(float s_far) {
   return entry(std::bit_cast<std::int32_t>(s_far), 0xFFFFFFFFU);
 }
 
-/// The ray spread over lanes, and which planes are near.
+/// The ray, and which planes are near.
 struct WideRay {
   using D8 = hn::CappedTag<float, 8>;
+  /// Places from the lower planes of an axis to the upper ones, and from an axis to the next.
+  static constexpr std::size_t kUpper = 24, kAxis = 8;
 
-  explicit HWY_INLINE WideRay(const mesh::ObjectRay& r) : ray(r), block(r) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const int negative = r.inverse_direction[axis] >= 0.F ? 0 : 1;
-      near_plane[axis] = (negative * 3 + axis) * 8;
-      far_plane[axis] = ((1 - negative) * 3 + axis) * 8;
-    }
-  }
+  explicit HWY_INLINE WideRay(const mesh::ObjectRay& r)
+      : ray(r),
+        block(r),
+        x(upper(r.inverse_direction.x)),
+        y(kAxis + upper(r.inverse_direction.y)),
+        z(2 * kAxis + upper(r.inverse_direction.z)) {}
 
   const mesh::ObjectRay& ray;
   BlockRay block;
-  int near_plane[3];
-  int far_plane[3];
+  std::size_t x, y, z;  ///< where the near planes of an axis are; the far ones are opposite(axis)
+
+  [[nodiscard]] static HWY_INLINE std::size_t opposite(std::size_t axis, std::size_t near) {
+    return kUpper + 2 * kAxis * axis - near;
+  }
+
+ private:
+  static HWY_INLINE std::size_t upper(float inverse) {
+    return (std::bit_cast<std::uint32_t>(inverse) >> 31U) * kUpper;
+  }
 };
 
 /// Slab test of all eight slots: sets the bits of s_enter of each, returns a bit per slot that may be hit.
@@ -56,31 +65,32 @@ HWY_INLINE std::uint32_t enter_children(const Node& node, const WideRay& r, floa
   const WideRay::D8 d;
   const hn::RebindToSigned<WideRay::D8> di;
   const mesh::ObjectRay& ray = r.ray;
-  std::uint32_t misses = 0;
+  std::uint32_t hits = 0;
   for (std::size_t i = 0; i < 8; i += hn::Lanes(d)) {
-    auto enter = hn::Zero(di);
-    auto exit = hn::BitCast(di, hn::Set(d, s_far));
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto inverse = hn::Set(d, ray.inverse_direction[axis]);
-      const auto near = hn::MulAdd(planes_of(d, node, axis, r.near_plane[axis] + i), inverse,
-                                   hn::Set(d, ray.near_offset[axis]));
-      const auto far = hn::MulAdd(planes_of(d, node, axis, r.far_plane[axis] + i), inverse,
-                                  hn::Set(d, ray.far_offset[axis]));
-      enter = hn::Max(enter, hn::BitCast(di, near));
-      exit = hn::Min(exit, hn::BitCast(di, far));
-    }
+    const auto slab = [&](int axis, std::size_t place, float offset) HWY_ATTR {
+      return hn::BitCast(di, hn::MulAdd(planes_of(d, node, axis, place + i),
+                                        hn::Set(d, ray.inverse_direction[axis]), hn::Set(d, offset)));
+    };
+    const auto enter_x = slab(0, r.x, ray.near_offset.x);
+    const auto enter_y = slab(1, r.y, ray.near_offset.y);
+    const auto enter_z = slab(2, r.z, ray.near_offset.z);
+    const auto exit_x = slab(0, WideRay::opposite(0, r.x), ray.far_offset.x);
+    const auto exit_y = slab(1, WideRay::opposite(1, r.y), ray.far_offset.y);
+    const auto exit_z = slab(2, WideRay::opposite(2, r.z), ray.far_offset.z);
+    const auto enter = hn::Max(hn::Max(enter_x, enter_y), hn::Max(enter_z, hn::Zero(di)));
+    const auto exit = hn::Min(hn::Min(exit_x, exit_y), hn::Min(exit_z, hn::BitCast(di, hn::Set(d, s_far))));
     hn::Store(enter, di, s_enter + i);
     std::uint8_t bits[8] = {0};
-    hn::StoreMaskBits(di, hn::Gt(enter, exit), bits);
-    misses |= std::uint32_t(bits[0]) << i;
+    hn::StoreMaskBits(di, hn::Not(hn::Gt(enter, exit)), bits);
+    hits |= std::uint32_t(bits[0]) << i;
   }
-  return ~misses & used_slots(node);
+  return hits & used_slots(node);
 }
 
 template <Precision kPrecision, Collector C>
 HWY_INLINE Offer intersect_leaf(const WideView& tree, std::uint32_t link, const WideRay& r, float s_far,
                                 C& collector) {
-  return intersect_leaf<kPrecision>(tree.blocks + wide_child::index(link), wide_child::block_count(link),
+  return intersect_leaf<kPrecision>(tree.blocks, wide_child::index(link), wide_child::block_count(link),
                                     r.block, s_far, collector);
 }
 
@@ -89,7 +99,9 @@ HWY_INLINE Offer intersect_leaf(const CompactView& tree, std::uint32_t link, con
                                 C& collector) {
   TriangleBlock blocks[2];
   const std::uint32_t count = gather_leaf(tree, link, blocks);
-  return intersect_leaf<kPrecision>(blocks, count, r.block, s_far, collector);
+  const Offer offer = intersect_leaf<kPrecision>(blocks, 0, count, r.block, s_far, collector);
+  if constexpr (std::same_as<C, ClosestHit>) collector.best.corners_at = kInvalidId;  // the blocks are gone
+  return offer;
 }
 
 // The stack holds what is still to visit, nearest on top. Entries of one node are inserted in order.
@@ -117,6 +129,7 @@ HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collec
           continue;
         }
         next = entry(s_enter[slot], tree.child(node, slot));
+        prefetch(tree, std::uint32_t(next));
         const std::size_t bottom = size;
         for (; hits != 0; hits &= hits - 1) {
           slot = std::uint32_t(__builtin_ctz(hits));

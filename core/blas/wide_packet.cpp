@@ -1,5 +1,5 @@
 // Packets through the wide tree, compiled once per instruction set and chosen at run time by Highway.
-// All of it only culls; test_triangle decides, so hits are those of single rays.
+// All of it only culls; the triangle test decides, so hits are those of single rays.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/blas/wide_packet.cpp"  // NOLINT: Highway includes this file once per target
 
