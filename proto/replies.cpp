@@ -73,6 +73,7 @@ Json structure_json(const MeshStructureInfo& info) {
           {"cost_at_build", info.cost_at_build},
           {"looseness", info.looseness ? Json(*info.looseness) : Json()},
           {"looseness_at_build", info.looseness_at_build ? Json(*info.looseness_at_build) : Json()},
+          {"steps_per_ray", info.steps_per_ray ? Json(*info.steps_per_ray) : Json()},
           {"build_ms", info.build_ms},
           {"refits_since_build", info.refits_since_build}};
 }

@@ -84,6 +84,7 @@ struct MeshStructureInfo {
   double cost_at_build = 0.0;
   std::optional<double> looseness;  ///< none where it is not known
   std::optional<double> looseness_at_build;
+  std::optional<double> steps_per_ray;  ///< none where they were not counted
   double build_ms = 0.0;
   std::uint32_t refits_since_build = 0;
 };

@@ -149,6 +149,15 @@ Parsed<std::string> parse_fork_query(const QueryParameters& query) {
   return name == nullptr ? std::string() : *name;
 }
 
+Parsed<StructureQuery> parse_structure_query(const QueryParameters& query, const Limits& limits) {
+  QueryReader reader(query, {"steps", "deadline_ms", kAtVersion});
+  StructureQuery asked;
+  asked.steps = reader.integer("steps", 1, kMaxCountedRays, 0);
+  asked.deadline_ms = reader.number("deadline_ms", 1e-3, limits.deadline_ms);
+  if (reader.problem()) return *reader.problem();
+  return asked;
+}
+
 Parsed<EmptySceneRequest> parse_empty_scene(std::string_view body, const Limits& limits) {
   return parse_body(body, limits, [&](const JsonNode& root) {
     EmptySceneRequest request;

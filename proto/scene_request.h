@@ -32,6 +32,15 @@ struct SceneQuery {
 };
 [[nodiscard]] Parsed<SceneQuery> parse_scene_query(const QueryParameters& query, const Limits& limits);
 
+/// GET .../structure?steps=&deadline_ms=
+struct StructureQuery {
+  std::size_t steps = 0;              ///< of how many rays to count the steps, in each tree
+  std::optional<double> deadline_ms;  ///< for counting them
+};
+inline constexpr std::size_t kMaxCountedRays = 4096;
+[[nodiscard]] Parsed<StructureQuery> parse_structure_query(const QueryParameters& query,
+                                                           const Limits& limits);
+
 /// POST /v1/scenes with JSON {"name": "..."}: an empty scene.
 struct EmptySceneRequest {
   std::string name;

@@ -117,6 +117,7 @@ proto::MeshStructureInfo mesh_structure_info(const scene::Scene& scene, std::uin
           stats.cost_at_build,
           known(stats.looseness),
           known(stats.looseness_at_build),
+          std::nullopt,
           stats.build_ms,
           stats.refits_since_build};
 }
@@ -191,6 +192,16 @@ proto::StructureInfo structure_info(const scene::Scene& scene) {
   for (std::size_t i = 0; i < scene.mesh_count(); ++i)
     info.meshes.push_back(mesh_structure_info(scene, std::uint32_t(i)));
   return info;
+}
+
+Status count_steps(const scene::Scene& scene, std::size_t rays, const std::stop_token& stop,
+                   proto::StructureInfo& info) {
+  for (proto::MeshStructureInfo& mesh : info.meshes) {
+    const auto steps = scene.blas(mesh.mesh_id).steps_per_ray(rays, stop);
+    if (!steps) return steps.error();
+    mesh.steps_per_ray = *steps;
+  }
+  return ok_status();
 }
 
 }  // namespace gridcast::server

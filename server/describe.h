@@ -2,6 +2,7 @@
 // Scenes and their parts as the plain structs that proto writes.
 
 #include <cstddef>
+#include <stop_token>
 
 #include "core/scene/scene.h"
 #include "proto/query.h"
@@ -27,5 +28,8 @@ enum class TopologyDetail { kLeftOut, kCounted };
 [[nodiscard]] proto::InstanceInfo instance_info(const scene::Scene& scene, std::uint32_t instance_id);
 [[nodiscard]] proto::InstanceList instance_list(const scene::Scene& scene, const proto::Page& page);
 [[nodiscard]] proto::StructureInfo structure_info(const scene::Scene& scene);
+/// Sets steps_per_ray of the meshes of structure_info(scene), by so many rays each. kCancelled on `stop`.
+[[nodiscard]] Status count_steps(const scene::Scene& scene, std::size_t rays, const std::stop_token& stop,
+                                 proto::StructureInfo& info);
 
 }  // namespace gridcast::server

@@ -148,14 +148,34 @@ HttpResponse fork_scene(Api& api, const HttpRequest& request) {
   return response.with("Location", "/v1/scenes/" + copy.id());
 }
 
-HttpResponse get_structure(Api& api, const HttpRequest& request) {
-  if (const auto problem = proto::check_query(request.query, {proto::kAtVersion}))
-    return problem_response(*problem);
+/// Counts the steps of rays in every tree, as heavy work that waits for its turn.
+std::optional<Problem> add_steps(Api& api, const HttpRequest& request, const scene::Scene& scene,
+                                 const proto::StructureQuery& query, Cancellation& cancellation,
+                                 proto::StructureInfo& info) {
+  if (query.deadline_ms)
+    cancellation.stop_within(std::chrono::duration<double, std::milli>(*query.deadline_ms));
+  const double rays = double(query.steps) * double(info.meshes.size());
+  if (auto problem = access::charge_rays(request, rays)) return problem;
+  const auto permit = api.gate.enter(cancellation.token());
+  if (!permit) return cancelled_problem(cancellation.reason());
+  const Status counted = count_steps(scene, query.steps, cancellation.token(), info);
+  if (!counted) return problem_of(counted.error(), proto::ErrorContext::kQuery, cancellation);
+  return std::nullopt;
+}
+
+HttpResponse get_structure(Api& api, const HttpRequest& request, Cancellation& cancellation) {
+  const auto query = proto::parse_structure_query(request.query, api.limits);
+  if (!query) return problem_response(query.problem());
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   // Never 304: a better tree comes in without a new version.
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
-  return versioned_json(to_json(structure_info(scene)), scene.version());
+  proto::StructureInfo info = structure_info(scene);
+  if (query->steps > 0) {
+    if (const auto problem = add_steps(api, request, scene, *query, cancellation, info))
+      return problem_response(*problem);
+  }
+  return versioned_json(to_json(info), scene.version());
 }
 
 }  // namespace
@@ -181,8 +201,8 @@ void add_scene_routes(Router& router, Api& api) {
       {"POST", "/v1/scenes/{s}:fork", {}, once_per_key(api, [&api](const HttpRequest& r, Cancellation&) {
          return fork_scene(api, r);
        })});
-  router.add({"GET", "/v1/scenes/{s}/structure", {}, [&api](const HttpRequest& r, Cancellation&) {
-                return get_structure(api, r);
+  router.add({"GET", "/v1/scenes/{s}/structure", {}, [&api](const HttpRequest& r, Cancellation& c) {
+                return get_structure(api, r, c);
               }});
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -134,6 +135,10 @@ class Blas {
   [[nodiscard]] const Bounds3f& bounds() const { return bounds_; }
   [[nodiscard]] const StructureStats& stats() const { return stats_; }
   [[nodiscard]] const BuildOptions& options() const { return options_; }
+  /// What stats().cost estimates, counted: see blas::steps_per_ray. Nothing where no steps are counted, in
+  /// structures other than a wide BVH; kCancelled on `stop`. Time for the rays: long where the tree is bad.
+  [[nodiscard]] Result<std::optional<double>> steps_per_ray(std::size_t rays,
+                                                            const std::stop_token& stop = {}) const;
 
   /// Closest hit: replaces `best` when a triangle is closer by the tie rule (best.t starts as tfar).
   /// `ray` was prepared with bounds(). True when `best` was replaced.

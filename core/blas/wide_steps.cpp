@@ -116,13 +116,14 @@ WideSteps steps_to_closest(const WideNodes& nodes, const TriangleBlocks& blocks,
   return steps;
 }
 
-double steps_per_ray(const WideNodes& nodes, const TriangleBlocks& blocks, const Bounds3f& bounds,
-                     std::size_t rays) {
+Result<double> steps_per_ray(const WideNodes& nodes, const TriangleBlocks& blocks, const Bounds3f& bounds,
+                             std::size_t rays, const std::stop_token& stop) {
   if (nodes.empty() || bounds.empty() || rays == 0) return 0.0;
   const Bounds3d box = to_double(bounds);
   const Vec3d center = box.center(), half = 0.5 * box.extent();
   std::uint64_t state = 20, steps = 0;
   for (std::size_t i = 0; i < rays; ++i) {
+    if (stop.stop_requested()) return Error{ErrorCode::kCancelled, "counting steps was cancelled", ""};
     // From outside of the box to somewhere in it.
     const Vec3d side = next_in_cube(state);
     const Vec3d from = side * (1.5 / max_abs(side)), to = next_in_cube(state);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <stop_token>
 
 #include "core/blas/wide_bvh.h"
 
@@ -22,8 +23,9 @@ struct WideSteps {
 
 /// Nodes and blocks that a ray looks at, the mean of `rays` of them through `bounds`, the mesh's box. The
 /// rays lie in all boxes alike, so that two moments of a mesh compare. 0 where no ray can be sent: none asked
-/// for, an empty mesh, or all of it in one point.
-[[nodiscard]] double steps_per_ray(const WideNodes& nodes, const TriangleBlocks& blocks,
-                                   const Bounds3f& bounds, std::size_t rays);
+/// for, an empty mesh, or all of it in one point. kCancelled on `stop`.
+[[nodiscard]] Result<double> steps_per_ray(const WideNodes& nodes, const TriangleBlocks& blocks,
+                                           const Bounds3f& bounds, std::size_t rays,
+                                           const std::stop_token& stop = {});
 
 }  // namespace gridcast::blas

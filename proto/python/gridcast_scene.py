@@ -99,9 +99,10 @@ class Scene:
         """One mesh's description, with its topology."""
         return self._json("GET", f"/meshes/{mesh_id}")
 
-    def structure(self):
-        """The grid and the structure of every mesh."""
-        return self._json("GET", "/structure")
+    def structure(self, steps=None):
+        """The grid and the structure of every mesh. With steps, 1 to 4096, that many rays are sent through every
+        wide_bvh, and steps_per_ray tells how many nodes and blocks of triangles one looks at."""
+        return self._json("GET", "/structure" if steps is None else f"/structure?steps={int(steps)}")
 
     def instances(self):
         """Every instance's description, page by page."""

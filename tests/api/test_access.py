@@ -165,7 +165,9 @@ def test_quotas_are_told_with_the_time_to_wait(guarded):
                        ("tradeoffs", {})):
         refused = clients["few"].post("/v1/scenes/seen/" + path, body)
         assert refused.problem()[0] == "quota_exceeded" and int(refused.headers["retry-after"]) > 10, path
-    assert clients["few"].get("/v1/scenes/seen").status == 200, "asking for no ray is not refused"
+    assert clients["few"].get("/v1/scenes/seen/structure", steps=1).problem()[0] == "quota_exceeded"
+    for path in ("", "/structure"):
+        assert clients["few"].get("/v1/scenes/seen" + path).status == 200, "asking for no ray is not refused"
 
 
 def test_a_hangup_reads_the_tokens_again(guarded, tmp_path):

@@ -240,6 +240,8 @@ def test_with_compress_bodies_are_packed_and_answers_are_the_same(row, library, 
     assert [kind for kind, _, _ in sent] == [None, "zstd"] and [kind for _, _, kind in sent] == [None, "zstd"]
     assert sent[1][1] < sent[0][1] / 20
     assert packed.structure()["meshes"][0]["kind"] == row.structure()["meshes"][0]["kind"]
+    assert row.structure()["meshes"][0]["steps_per_ray"] is None
+    assert len(row.structure(steps=8)["meshes"]) == len(row.structure()["meshes"])
     monkeypatch.setattr(library, "zstandard", None)
     assert not library.Service(server.url, compress=True).compress, "without the module bodies go as they are"
 

@@ -92,17 +92,66 @@ def test_a_shuffled_mesh_gets_the_tree_of_a_new_scene_at_once(load):
         assert column.tobytes() == fresh.cast(rays).columns()[name].tobytes(), name
 
 
+def twisted(positions, radians_per_unit):
+    angle = radians_per_unit * positions[:, 0]
+    return np.stack([positions[:, 0], np.cos(angle) * positions[:, 1] - np.sin(angle) * positions[:, 2],
+                     np.sin(angle) * positions[:, 1] + np.cos(angle) * positions[:, 2]], axis=1).astype("<f4")
+
+
 def test_a_twisted_mesh_is_refitted_and_says_that_a_better_tree_is_on_its_way(load):
     positions, faces = grid(110)
     scene = load(models.glb([(positions, faces)], [{"mesh": 0}]))
-    angle = 1.2 * positions[:, 0]
-    twisted = np.stack([positions[:, 0], np.cos(angle) * positions[:, 1] - np.sin(angle) * positions[:, 2],
-                        np.sin(angle) * positions[:, 1] + np.cos(angle) * positions[:, 2]], axis=1).astype("<f4")
-    report = scene.patch("/meshes/0/vertices", twisted.tobytes(), WHOLE).json()
+    turned = twisted(positions, 1.2).tobytes()
+    report = scene.patch("/meshes/0/vertices", turned, WHOLE).json()
     assert report["action"] == "refit" and "A better tree is being built." in report["reason"], report
     until(lambda: scene.get("/structure").json()["meshes"][0]["refits_since_build"] == 0, "the better tree")
-    kept = scene.patch("/meshes/0/vertices", twisted.tobytes(), WHOLE, update="refit").json()
+    kept = scene.patch("/meshes/0/vertices", turned, WHOLE, update="refit").json()
     assert kept["action"] == "refit" and "better" not in kept["reason"]
+
+
+def steps_of(scene, rays, **query):
+    reply = scene.get("/structure", steps=rays, **query)
+    assert reply.status == 200, reply
+    return [mesh["steps_per_ray"] for mesh in reply.json()["meshes"]]
+
+
+def test_steps_are_counted_where_they_are_asked_for_and_tell_a_refitted_tree_from_a_new_one(load):
+    positions, faces = grid(60)
+    scene = load(models.glb([(positions, faces)], [{"mesh": 0}]), structure="wide_bvh")
+    at_rest = steps_of(scene, 512)[0]
+    assert 2 <= at_rest < 200
+    assert steps_of(scene, 512)[0] == at_rest != steps_of(scene, 16)[0]
+    assert scene.get("/structure").json()["meshes"][0]["steps_per_ray"] is None
+    turned = twisted(positions, 6.0)
+    assert scene.patch("/meshes/0/vertices", turned.tobytes(), WHOLE, update="refit").json()["action"] == "refit"
+    refitted = steps_of(scene, 512)[0]
+    anew = load(models.glb([(turned, faces)], [{"mesh": 0}]), structure="wide_bvh")
+    assert refitted > 1.2 * steps_of(anew, 512)[0]
+    assert steps_of(scene, 512, at_version=1)[0] == at_rest
+    assert scene.get("/meshes/0").json()["structure"]["steps_per_ray"] is None
+
+
+def test_steps_are_counted_in_wide_trees_alone(load):
+    positions, faces = models.sphere()
+    for kind in ("brute_force", "bvh", "kd_tree"):
+        assert steps_of(load(models.glb([(positions, faces)], [{"mesh": 0}]), structure=kind), 8) == [None]
+
+
+def test_how_many_rays_may_be_asked_for_is_bounded(load):
+    scene = load(models.row_of_spheres())
+    assert len(steps_of(scene, 4096)) == len(scene.get("/meshes").json()["meshes"])
+    for wrong in ("0", "4097", "-1", "many", ""):
+        assert scene.get("/structure", steps=wrong).problem() == ("out_of_range", "?steps"), wrong
+
+
+def test_counting_steps_ends_at_the_deadline(load):
+    positions, faces = grid(110)
+    scene = load(models.glb([(positions, faces)], [{"mesh": 0}]), structure="wide_bvh")
+    mess = shuffled(positions, 3)  # a ray looks at hundreds of thousands of boxes
+    assert scene.patch("/meshes/0/vertices", mess.tobytes(), WHOLE, update="refit").json()["action"] == "refit"
+    reply = scene.get("/structure", steps=4096, deadline_ms=20)
+    assert reply.status == 504 and reply.problem()[0] == "deadline_exceeded", reply
+    assert steps_of(scene, 2)[0] > 1000
 
 
 def test_a_kd_tree_gives_way_when_its_mesh_deforms_and_says_why(load):

@@ -46,7 +46,7 @@ Tree built(const mesh::TriangleMesh& mesh) {
 }
 
 double steps_of(const blas::WideBvh& tree, std::size_t rays) {
-  return blas::steps_per_ray(tree.nodes(), tree.blocks(), tree.root_bounds(), rays);
+  return blas::steps_per_ray(tree.nodes(), tree.blocks(), tree.root_bounds(), rays).value();
 }
 
 Measures measures_of(const blas::WideBvh& tree, const mesh::TriangleMesh& mesh) {

@@ -18,7 +18,7 @@ Tree built(const TriangleMesh& mesh) {
   return WideBvh::build(mesh, {.spatial = SpatialSplits::kNever}, {}).value();
 }
 double steps_of(const WideBvh& tree, const TriangleMesh& mesh) {
-  return steps_per_ray(tree.nodes(), tree.blocks(), mesh.bounds(), 64);
+  return steps_per_ray(tree.nodes(), tree.blocks(), mesh.bounds(), 64).value();
 }
 TriangleMesh shuffled(TriangleMesh mesh, std::uint64_t seed) {
   std::mt19937_64 engine(seed);
@@ -110,7 +110,31 @@ TEST(WideSteps, they_rise_when_a_refitted_tree_goes_bad_and_come_back_with_its_v
   EXPECT_GT(steps_of(*first, mesh), 3.0);
   EXPECT_GT(steps_of(*bad, mess), 1.3 * steps_of(*built(mess), mess));
   EXPECT_EQ(steps_of(*bad->refit(mesh).value(), mesh), steps_of(*first, mesh));
-  EXPECT_EQ(steps_per_ray(first->nodes(), first->blocks(), mesh.bounds(), 0), 0.0);
+  EXPECT_EQ(steps_per_ray(first->nodes(), first->blocks(), mesh.bounds(), 0).value(), 0.0);
+}
+
+TEST(WideSteps, of_a_mesh_are_those_of_its_tree_and_of_other_structures_there_are_none) {
+  const auto mesh = std::make_shared<const TriangleMesh>(test::jittered_icosphere(4, 3));
+  const BuildOptions options{.kind = StructureKind::kWideBvh};
+  const Blas built = Blas::build(mesh, options).value();
+  const Tree tree = WideBvh::build(*mesh, options, {}).value();
+  for (const std::size_t rays : {1U, 16U, 200U})
+    EXPECT_EQ(built.steps_per_ray(rays).value(),
+              steps_per_ray(tree->nodes(), tree->blocks(), mesh->bounds(), rays).value());
+  for (const StructureKind kind : {StructureKind::kBruteForce, StructureKind::kBvh, StructureKind::kKdTree})
+    EXPECT_FALSE(Blas::build(mesh, {.kind = kind}).value().steps_per_ray(16).value().has_value());
+}
+
+TEST(WideSteps, counting_ends_when_it_is_stopped) {
+  const Blas built = Blas::build(std::make_shared<const TriangleMesh>(test::jittered_icosphere(3, 3)),
+                                 {.kind = StructureKind::kWideBvh})
+                         .value();
+  std::stop_source source;
+  EXPECT_TRUE(built.steps_per_ray(16, source.get_token()).ok());
+  source.request_stop();
+  const auto stopped = built.steps_per_ray(16, source.get_token());
+  ASSERT_FALSE(stopped.ok());
+  EXPECT_EQ(stopped.error().code, ErrorCode::kCancelled);
 }
 
 }  // namespace

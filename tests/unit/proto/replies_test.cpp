@@ -51,6 +51,7 @@ TEST(Replies, empty_lists_are_lists_and_empty_boxes_null) {
   EXPECT_TRUE(Json::parse(to_json(SceneInfo()))["bounds"].is_null());
   const Json structure = Json::parse(to_json(MeshInfo(), 3)).at("structure");
   EXPECT_TRUE(structure.at("looseness").is_null() && structure.at("looseness_at_build").is_null());
+  EXPECT_TRUE(structure.at("steps_per_ray").is_null());
   EXPECT_EQ(health_json("live"), R"({"status":"live"})");
   EXPECT_EQ(Json::parse(to_json(SceneInfo()))["warnings"], Json::array());
 }
