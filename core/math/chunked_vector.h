@@ -4,9 +4,12 @@
 #include <array>
 #include <cstddef>
 #include <memory>
+#include <span>
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+#include "core/math/line_memory.h"
 
 namespace gridcast {
 
@@ -21,25 +24,30 @@ class ChunkedVector {
 
   /// A reference to write through; copies the chunk when another vector shares it. Different chunks may be
   /// written from different threads, and different elements of one that is this vector's own.
-  [[nodiscard]] T& write(std::size_t i) {
+  [[nodiscard]] T& write(std::size_t i) { return write_chunk(i)[i % kChunk]; }
+  /// All elements of the chunk of element i, to write through.
+  [[nodiscard]] std::span<T, kChunk> write_chunk(std::size_t i) {
     std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
-    if (chunk.use_count() != 1) chunk = std::make_shared<Chunk>(*chunk);
-    return (*chunk)[i % kChunk];
+    if (chunk.use_count() != 1) chunk = std::allocate_shared<Chunk>(LineAllocator<Chunk>(), *chunk);
+    return *chunk;
   }
-  /// Makes the chunk of element i this vector's own like write(), for all of its elements to be written: what
-  /// they are until then means nothing, since nothing is copied when another vector shares the chunk.
-  void overwrite_chunk(std::size_t i) requires std::is_trivially_copyable_v<T> {
+  /// The same, for all of them to be written: what they are until then means nothing, since nothing is copied
+  /// when another vector shares the chunk.
+  [[nodiscard]] std::span<T, kChunk> overwrite_chunk(std::size_t i) requires std::is_trivially_copyable_v<T> {
     std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
     if (chunk.use_count() != 1) chunk = std::allocate_shared<Chunk>(UnwrittenAllocator<Chunk>());
+    return *chunk;
   }
+  /// All elements of the chunk of element i; the last chunk may have more than size() tells.
+  [[nodiscard]] std::span<const T, kChunk> chunk(std::size_t i) const { return *chunks_[i / kChunk]; }
   void push_back(T value) {
-    if (size_ % kChunk == 0) chunks_.push_back(std::make_shared<Chunk>());
+    if (size_ % kChunk == 0) chunks_.push_back(new_chunk());
     ++size_;
     write(size_ - 1) = std::move(value);
   }
   /// Grows to `size` default elements; never shrinks.
   void grow(std::size_t size) {
-    while (chunks_.size() * kChunk < size) chunks_.push_back(std::make_shared<Chunk>());
+    while (chunks_.size() * kChunk < size) chunks_.push_back(new_chunk());
     size_ = std::max(size_, size);
   }
   /// Whether both hold element i in the very same chunk: then all of that chunk is the same.
@@ -55,17 +63,27 @@ class ChunkedVector {
  private:
   using Chunk = std::array<T, kChunk>;
 
+  /// Chunks begin at a cache line, so that elements of whole lines do, too.
+  template <class U>
+  struct LineAllocator {
+    using value_type = U;
+    LineAllocator() = default;
+    template <class V>
+    explicit LineAllocator(const LineAllocator<V>& /*other*/) {}
+    [[nodiscard]] U* allocate(std::size_t n) { return static_cast<U*>(allocate_lines(n * sizeof(U))); }
+    void deallocate(U* memory, std::size_t /*n*/) { free_lines(memory); }
+    friend bool operator==(const LineAllocator& /*a*/, const LineAllocator& /*b*/) { return true; }
+  };
   /// Leaves memory as it is: a chunk of what can be copied byte by byte needs no constructor to begin.
   template <class U>
-  struct UnwrittenAllocator {
+  struct UnwrittenAllocator : LineAllocator<U> {
     using value_type = U;
     UnwrittenAllocator() = default;
     template <class V>
     explicit UnwrittenAllocator(const UnwrittenAllocator<V>& /*other*/) {}
-    [[nodiscard]] U* allocate(std::size_t n) { return std::allocator<U>().allocate(n); }
-    void deallocate(U* memory, std::size_t n) { std::allocator<U>().deallocate(memory, n); }
     void construct(Chunk* /*place*/) {}
   };
+  static std::shared_ptr<Chunk> new_chunk() { return std::allocate_shared<Chunk>(LineAllocator<Chunk>()); }
 
   std::vector<std::shared_ptr<Chunk>> chunks_;
   std::size_t size_ = 0;

@@ -5,6 +5,9 @@
 
 #include "core/math/transform_batch.h"
 
+#include <bit>
+#include <cstring>
+
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
@@ -179,6 +182,48 @@ void TransformBatch::get(std::size_t lane, InstanceTransform& transform) const {
   transform.condition_ = condition_[lane];
   transform.round_trip_error_ = round_trip_error_[lane];
   transform.active_ = ((active_ >> lane) & 1U) != 0;
+}
+
+namespace {
+
+/// So many numbers of each transform, beside each other.
+template <std::size_t kNumbers>
+using Rows = std::array<std::array<double, kNumbers>, TransformBatch::kSize>;
+
+/// Lanes a and b become numbers `at` and `at` + 1 of each row. Written so that compilers make vectors of it.
+template <std::size_t kNumbers>
+void interleave(const TransformBatch::Lanes& a, const TransformBatch::Lanes& b, std::size_t at,
+                Rows<kNumbers>& rows) {
+  double pairs[TransformBatch::kSize][2];
+  for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane) {
+    pairs[lane][0] = a[lane];
+    pairs[lane][1] = b[lane];
+  }
+  for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane)
+    std::memcpy(&rows[lane][at], pairs[lane], sizeof pairs[lane]);
+}
+
+}  // namespace
+
+void TransformBatch::get(std::span<InstanceTransform* const> transforms) const {
+  Rows<12> placed;
+  Rows<9> inverse;
+  const auto entry = [](const MatrixLanes& m, std::size_t i) -> const Lanes& { return m[i / 3][i % 3]; };
+  for (std::size_t i = 0; i < 8; i += 2) {
+    interleave(entry(linear_, i), entry(linear_, i + 1), i, placed);
+    interleave(entry(inverse_, i), entry(inverse_, i + 1), i, inverse);
+  }
+  interleave(linear_[2][2], translation_[0], 8, placed);
+  interleave(translation_[1], translation_[2], 10, placed);
+  for (std::size_t lane = 0; lane < transforms.size(); ++lane) {
+    inverse[lane][8] = inverse_[2][2][lane];
+    InstanceTransform& transform = *transforms[lane];
+    transform.world_from_object_ = std::bit_cast<Affine>(placed[lane]);
+    transform.object_from_world_linear_ = std::bit_cast<Mat3d>(inverse[lane]);
+    transform.condition_ = condition_[lane];
+    transform.round_trip_error_ = round_trip_error_[lane];
+    transform.active_ = ((active_ >> lane) & 1U) != 0;
+  }
 }
 
 }  // namespace gridcast

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "core/math/affine.h"
 
@@ -29,6 +30,8 @@ class TransformBatch {
   /// Bit k: lane k is active. What is said of an inactive lane below means nothing.
   [[nodiscard]] std::uint32_t active() const { return active_; }
   void get(std::size_t lane, InstanceTransform& transform) const;
+  /// The same for lanes 0, 1, ..., faster.
+  void get(std::span<InstanceTransform* const> transforms) const;
 
   [[nodiscard]] const MatrixLanes& linear() const { return linear_; }
   [[nodiscard]] const VectorLanes& translation() const { return translation_; }

@@ -6,6 +6,8 @@
 
 #include "core/scene/hit_box_batch.h"
 
+#include <algorithm>
+
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
@@ -24,17 +26,44 @@ struct Reaches {
   V backward, forward;
 };
 
-/// One number of each lane's hull, looked up.
-template <class Number>
-HWY_INLINE V look_up(const Number& number_of_lane) {
-  const D d;
-  alignas(64) double values[kSize];
-  for (std::size_t k = 0; k < hn::Lanes(d); ++k) values[k] = double(number_of_lane(k));
-  return hn::Load(d, values);
-}
+/// The reaches of a mesh, or those of each lane's, looked up.
+class OneHull {
+ public:
+  HWY_INLINE explicit OneHull(const MeshHull& hull) : hull_(hull) {}
+  [[nodiscard]] HWY_INLINE V magnitude() const { return hn::Set(D(), double(hull_.magnitude())); }
+  [[nodiscard]] HWY_INLINE V along(V numbers) const {
+    const hn::Rebind<float, D> f;
+    const hn::Rebind<std::int32_t, D> i;
+    return hn::PromoteTo(D(), hn::GatherIndex(f, hull_.numbered(), hn::DemoteTo(i, numbers)));
+  }
+
+ private:
+  const MeshHull& hull_;
+};
+class HullOfEachLane {
+ public:
+  HWY_INLINE explicit HullOfEachLane(const MeshHull* const* hulls) : hulls_(hulls) {}
+  [[nodiscard]] HWY_INLINE V magnitude() const {
+    const D d;
+    alignas(64) double values[kSize];
+    for (std::size_t k = 0; k < hn::Lanes(d); ++k) values[k] = double(hulls_[k]->magnitude());
+    return hn::Load(d, values);
+  }
+  [[nodiscard]] HWY_INLINE V along(V numbers) const {
+    const D d;
+    alignas(64) double values[kSize];
+    hn::Store(numbers, d, values);
+    for (std::size_t k = 0; k < hn::Lanes(d); ++k) values[k] = double(hulls_[k]->along(int(values[k])));
+    return hn::Load(d, values);
+  }
+
+ private:
+  const MeshHull* const* hulls_;
+};
 
 /// MeshHull::reach. The numbers of directions are small integers, here in doubles.
-HWY_INLINE Reaches reach(const V (&n)[3], const MeshHull* const* hulls) {
+template <class Hulls>
+HWY_INLINE Reaches reach(const V (&n)[3], const Hulls& hulls) {
   const D d;
   V size[3], step[3];
   for (int axis = 0; axis < 3; ++axis) {
@@ -59,12 +88,8 @@ HWY_INLINE Reaches reach(const V (&n)[3], const MeshHull* const* hulls) {
   V backward = hn::Zero(d), forward = hn::Zero(d);
   for (int k = 0; k < 3; ++k) {
     if (k > 0) number = number + step[k];
-    alignas(64) double numbers[kSize];
-    hn::Store(number, d, numbers);
-    const V back = factors[k] * look_up([&](std::size_t lane)
-                                            HWY_ATTR { return hulls[lane]->along(-int(numbers[lane])); });
-    const V forth = factors[k] * look_up([&](std::size_t lane)
-                                             HWY_ATTR { return hulls[lane]->along(int(numbers[lane])); });
+    const V back = factors[k] * hulls.along(hn::Neg(number));
+    const V forth = factors[k] * hulls.along(number);
     backward = k == 0 ? back : backward + back;
     forward = k == 0 ? forth : forward + forth;
   }
@@ -81,11 +106,12 @@ HWY_INLINE V round_to_float(V x) {
   return hn::PromoteTo(d, hn::DemoteTo(f, x));
 }
 
-HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const HullLanes& hulls, std::size_t lane,
+template <class Hulls>
+HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const Hulls& hulls, std::size_t lane,
                                BoxLanes& boxes) {
   const D d;
   const auto load = [&](const Lanes& from) HWY_ATTR { return hn::Load(d, from.data() + lane); };
-  const V size = look_up([&](std::size_t k) HWY_ATTR { return hulls[lane + k]->magnitude(); });
+  const V size = hulls.magnitude();
   const V growth = hn::Set(d, 0x1p-17) * size + hn::Set(d, 0x1p-98);
   V lower[3], upper[3], translation[3], lengths[3], inverse_rows[3], reaches[3];
   for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -94,7 +120,7 @@ HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const HullLanes
     const V length = hn::Abs(n[0]) + hn::Abs(n[1]) + hn::Abs(n[2]);
     const V t = load(transforms.translation()[axis]);
     const V room = length * growth + hn::Set(d, 0x1p-50) * (length * size + hn::Abs(t));
-    const Reaches reached = reach(n, hulls.data() + lane);
+    const Reaches reached = reach(n, hulls);
     lower[axis] = t - (reached.backward + room);
     upper[axis] = t + (reached.forward + room);
     reaches[axis] = hn::Max(hn::Abs(lower[axis] - t), hn::Abs(upper[axis] - t));
@@ -121,8 +147,14 @@ HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const HullLanes
 }
 
 void boxes_of(const TransformBatch& transforms, const HullLanes& hulls, BoxLanes& boxes) {
-  for (std::size_t lane = 0; lane < kSize; lane += hn::Lanes(D()))
-    boxes_of_lanes(transforms, hulls, lane, boxes);
+  const bool one = std::all_of(hulls.begin(), hulls.end(), [&](const MeshHull* h) { return h == hulls[0]; });
+  for (std::size_t lane = 0; lane < kSize; lane += hn::Lanes(D())) {
+    if (one) {
+      boxes_of_lanes(transforms, OneHull(*hulls[0]), lane, boxes);
+    } else {
+      boxes_of_lanes(transforms, HullOfEachLane(hulls.data() + lane), lane, boxes);
+    }
+  }
 }
 
 }  // namespace gridcast::scene::HWY_NAMESPACE

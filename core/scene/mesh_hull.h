@@ -55,7 +55,9 @@ class MeshHull {
             f * double(along(face)) + e * double(along(edge)) + c * double(along(corner))};
   }
   /// The reach along one of the 26: direction (x, y, z), each -1, 0 or 1, is number x + 3 y + 9 z.
-  [[nodiscard]] float along(int number) const { return reach_[std::size_t(number) + kLargestNumber]; }
+  [[nodiscard]] float along(int number) const { return numbered()[number]; }
+  /// All of them, to be indexed by the number, from -13 to 13.
+  [[nodiscard]] const float* numbered() const { return reach_.data() + kLargestNumber; }
 
  private:
   static constexpr int kLargestNumber = 13;  // 0 is unused

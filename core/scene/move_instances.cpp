@@ -15,28 +15,23 @@ namespace {
 using Instances = ChunkedVector<Instance, 32>;
 static_assert(kSlotsOfOneTask % Instances::kChunkSize == 0);
 
-/// Makes the chunk of element `id` this vector's own, for `count` of its elements to be written.
+/// The chunk of element `id` as this vector's own, for `count` of its elements to be written.
 template <class Vector>
-void own_chunk(Vector& vector, std::size_t id, std::size_t count) {
-  if (count == Vector::kChunkSize) {
-    vector.overwrite_chunk(id);
-  } else {
-    (void)vector.write(id);
-  }
+auto own_chunk(Vector& vector, std::size_t id, std::size_t count) {
+  return count == Vector::kChunkSize ? vector.overwrite_chunk(id) : vector.write_chunk(id);
 }
 
-/// The moves by id.
+/// The moves by id. The ids are looked at time and again, so they are kept apart from the large moves.
 class SortedMoves {
  public:
-  explicit SortedMoves(std::span<const MoveInstance> moves) : moves_(moves) {
-    const auto ascending = [](const MoveInstance& a, const MoveInstance& b) {
-      return a.instance_id < b.instance_id;
-    };
-    if (std::is_sorted(moves.begin(), moves.end(), ascending)) return;
+  explicit SortedMoves(std::span<const MoveInstance> moves) : moves_(moves), ids_(moves.size()) {
+    for (std::size_t k = 0; k < moves.size(); ++k) ids_[k] = moves[k].instance_id;
+    if (std::is_sorted(ids_.begin(), ids_.end())) return;
     order_.resize(moves.size());
     for (std::size_t k = 0; k < moves.size(); ++k)
       order_[k] = (std::uint64_t(moves[k].instance_id) << 32) | std::uint64_t(k);
     std::sort(order_.begin(), order_.end());
+    for (std::size_t k = 0; k < moves.size(); ++k) ids_[k] = std::uint32_t(order_[k] >> 32);
   }
 
   [[nodiscard]] std::size_t size() const { return moves_.size(); }
@@ -45,13 +40,13 @@ class SortedMoves {
     return order_.empty() ? k : std::uint32_t(order_[k]);
   }
   [[nodiscard]] const MoveInstance& operator[](std::size_t k) const { return moves_[place(k)]; }
-  [[nodiscard]] std::uint32_t id(std::size_t k) const {
-    return order_.empty() ? moves_[k].instance_id : std::uint32_t(order_[k] >> 32);
-  }
+  [[nodiscard]] std::uint32_t id(std::size_t k) const { return ids_[k]; }
+  [[nodiscard]] const std::vector<std::uint32_t>& ids() const { return ids_; }
   [[nodiscard]] bool repeated(std::size_t k) const { return k > 0 && id(k) == id(k - 1); }
 
  private:
   std::span<const MoveInstance> moves_;
+  std::vector<std::uint32_t> ids_;    ///< ascending
   std::vector<std::uint64_t> order_;  ///< id and place; empty where the moves come by id
 };
 
@@ -64,13 +59,17 @@ class Mover {
 
   void run(std::size_t begin, std::size_t end) {
     for_each_chunk<tlas::BoxTable::kChunkSize>(begin, end, [&](std::size_t first, std::size_t last) {
-      if (moves_.id(first) < boxes_.size()) own_chunk(boxes_, moves_.id(first), last - first);
+      if (moves_.id(first) < boxes_.size())
+        box_chunk_ = own_chunk(boxes_, moves_.id(first), last - first).data();
       for_each_chunk<Instances::kChunkSize>(first, last,
                                             [&](std::size_t f, std::size_t l) { move_chunk(f, l); });
     });
   }
 
  private:
+  /// Memory is asked for so many moves before it is used.
+  static constexpr std::size_t kAhead = Instances::kChunkSize;
+
   /// What of an instance stays.
   struct Kept {
     std::uint32_t mesh_id = kInvalidId;
@@ -93,6 +92,7 @@ class Mover {
     // What stays of each, before the chunk is written.
     bool sound = true;
     for (std::size_t k = begin; k < end; ++k) {
+      ask_for(k + kAhead);
       const std::uint32_t id = moves_.id(k);
       if (id >= instances_.size() || !instances_[id].alive || moves_.repeated(k)) {
         note_wrong(k);
@@ -102,30 +102,59 @@ class Mover {
       }
     }
     if (!sound) return;
-    own_chunk(instances_, moves_.id(begin), end - begin);
+    end_of_chunk_ = end;
+    chunk_ = own_chunk(instances_, moves_.id(begin), end - begin).data();
+    for (std::size_t k = begin; k < std::min(begin + TransformBatch::kSize, end); ++k) ask_to_write(k);
     for (std::size_t k = begin; k < end; k += TransformBatch::kSize)
       move_eight(k, std::min(TransformBatch::kSize, end - k), kept_ + (k - begin));
+  }
+
+  // Both are inlined early, since GCC takes a function that only asks for memory to do nothing and leaves it
+  // out.
+  /// Of a move and of the slot as it is.
+  [[gnu::always_inline]] void ask_for(std::size_t k) const {
+    if (k >= moves_.size()) return;
+    const MoveInstance& move = moves_[k];
+    __builtin_prefetch(&move.world_from_object);
+    __builtin_prefetch(&move.world_from_object.translation);
+    if (moves_.id(k) < instances_.size()) __builtin_prefetch(&instances_[moves_.id(k)].mesh_id);
+  }
+  /// Of a slot as it becomes and its box, which lie in the chunks that are being written.
+  [[gnu::always_inline]] void ask_to_write(std::size_t k) const {
+    const std::uint32_t id = moves_.id(k);
+    const Instance& instance = chunk_[id % Instances::kChunkSize];
+    constexpr int kToWrite = 1;
+    __builtin_prefetch(&instance.transform, kToWrite);
+    __builtin_prefetch(&instance.transform.world_from_object().linear[2][2], kToWrite);
+    __builtin_prefetch(&instance.transform.object_from_world_linear()[1], kToWrite);
+    __builtin_prefetch(&instance.mesh_id, kToWrite);
+    __builtin_prefetch(&box_chunk_[id % tlas::BoxTable::kChunkSize], kToWrite);
   }
 
   void move_eight(std::size_t begin, std::size_t count, const Kept* kept) {
     HullLanes hulls;
     hulls.fill(&hulls_[kept[0].mesh_id]);
     for (std::size_t lane = 0; lane < count; ++lane) {
+      if (begin + lane + TransformBatch::kSize < end_of_chunk_)
+        ask_to_write(begin + lane + TransformBatch::kSize);
       batch_.set(lane, moves_[begin + lane].world_from_object);
       hulls[lane] = &hulls_[kept[lane].mesh_id];
     }
     batch_.invert();
     hit_boxes(batch_, hulls, box_lanes_);
+    InstanceTransform* transforms[TransformBatch::kSize];
     for (std::size_t lane = 0; lane < count; ++lane) {
       const std::uint32_t id = moves_.id(begin + lane);
       if (((batch_.active() >> lane) & 1U) == 0) note_wrong(begin + lane);
-      Instance& instance = instances_.write(id);
-      batch_.get(lane, instance.transform);
+      Instance& instance = chunk_[id % Instances::kChunkSize];
+      transforms[lane] = &instance.transform;
       instance.mesh_id = kept[lane].mesh_id;
       instance.alive = true;
       instance.mask = kept[lane].mask;
-      boxes_.write(id) = hulls[lane]->empty() ? tlas::InstanceBox{} : box_lanes_.box(lane);
+      box_chunk_[id % tlas::BoxTable::kChunkSize] =
+          hulls[lane]->empty() ? tlas::InstanceBox{} : box_lanes_.box(lane);
     }
+    batch_.get({transforms, count});
   }
 
   void note_wrong(std::size_t k) {
@@ -140,6 +169,9 @@ class Mover {
   Instances& instances_;
   tlas::BoxTable& boxes_;
   std::atomic<std::size_t>& first_wrong_;
+  tlas::InstanceBox* box_chunk_ = nullptr;  ///< that are being written
+  Instance* chunk_ = nullptr;
+  std::size_t end_of_chunk_ = 0;  ///< of its moves
   TransformBatch batch_;
   BoxLanes box_lanes_{};
   Kept kept_[Instances::kChunkSize] = {};
@@ -171,9 +203,7 @@ Status SceneEditor::move_instances(std::span<const MoveInstance> moves) {
         Mover(sorted, scene_->hulls_, scene_->instances_, boxes, first_wrong).run(begin, end);
       });
   if (first_wrong != kNone) return why_wrong(scene(), moves, first_wrong);
-  const std::size_t before = moved_.size();
-  moved_.resize(before + moves.size());
-  for (std::size_t k = 0; k < moves.size(); ++k) moved_[before + k] = sorted.id(k);
+  moved_.insert(moved_.end(), sorted.ids().begin(), sorted.ids().end());
   return ok_status();
 }
 

@@ -1,6 +1,7 @@
 #include "core/scene/scene_editor.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "core/scene/chunk_parts.h"
 #include "core/scene/hit_box.h"
@@ -10,7 +11,11 @@ namespace {
 
 /// Ascending, each once.
 void sort_ids(std::vector<std::uint32_t>& ids) {
-  if (!std::is_sorted(ids.begin(), ids.end())) std::sort(ids.begin(), ids.end());
+  const auto is_done = [&] {
+    return std::adjacent_find(ids.begin(), ids.end(), std::greater_equal<>()) == ids.end();
+  };
+  if (is_done()) return;
+  std::sort(ids.begin(), ids.end());
   ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
 }
 
@@ -72,7 +77,11 @@ void SceneEditor::update_top_level(std::vector<std::uint32_t> instance_ids) {
       [&](std::size_t begin, std::size_t end) {
         for (std::size_t k = begin; k < end; ++k) boxes.write(instance_ids[k]) = hit_box_of(instance_ids[k]);
       });
-  instance_ids.insert(instance_ids.end(), moved_.begin(), moved_.end());
+  if (instance_ids.empty()) {
+    instance_ids.swap(moved_);
+  } else {
+    instance_ids.insert(instance_ids.end(), moved_.begin(), moved_.end());
+  }
   sort_ids(instance_ids);
   scene_->top_level_.update(std::move(boxes), instance_ids);
 }

@@ -1,6 +1,8 @@
 #include "core/tlas/cell_tree.h"
 
 #include <algorithm>
+#include <bit>
+#include <utility>
 
 namespace gridcast::tlas {
 namespace {
@@ -19,6 +21,40 @@ struct Children {
   std::size_t size;
 };
 
+/// Bits that compare, as unsigned numbers, like the floats.
+std::uint32_t ordered_bits(float x) {
+  const auto bits = std::bit_cast<std::uint32_t>(x);
+  return bits ^ ((bits >> 31) != 0 ? 0xFFFFFFFFU : 0x80000000U);
+}
+
+std::uint64_t median(std::uint64_t a, std::uint64_t b, std::uint64_t c) {
+  return std::max(std::min(a, b), std::min(std::max(a, b), c));
+}
+
+/// std::nth_element for keys that all differ: "Algorithm 65: find", C. A. R. Hoare, 1961, but parted as by N.
+/// Lomuto and without a branch on the comparison, which would be guessed wrong half of the time. Keys for
+/// which its pivots are bad time and again are left to the library.
+void select(std::span<std::uint64_t> keys, std::size_t nth) {
+  std::size_t rounds = 4 * std::size_t(std::bit_width(keys.size()));
+  while (keys.size() > 3 && rounds-- > 0) {
+    // The median of three is not the least, so both parts get something.
+    const std::uint64_t pivot = median(keys.front(), keys[keys.size() / 2], keys.back());
+    std::size_t below = 0;
+    for (std::uint64_t& key : keys) {
+      const std::uint64_t moved = std::exchange(key, keys[below]);
+      keys[below] = moved;
+      below += std::size_t(moved < pivot);
+    }
+    if (nth < below) {
+      keys = keys.first(below);
+    } else {
+      keys = keys.subspan(below);
+      nth -= below;
+    }
+  }
+  std::nth_element(keys.begin(), keys.begin() + std::ptrdiff_t(nth), keys.end());
+}
+
 }  // namespace
 
 std::size_t cell_tree_size(std::size_t instances) {
@@ -32,44 +68,46 @@ std::size_t cell_tree_size(std::size_t instances) {
 
 void CellTreeBuilder::build(std::span<const BoxRecord* const> records, const Cell& cell,
                             std::span<BoxGroup<8>> groups) {
-  items_.resize(records.size());
+  keys_.resize(records.size());
+  centers_.resize(records.size());
   for (std::size_t i = 0; i < records.size(); ++i) {
     const Vec3f center = records[i]->box.lower + records[i]->box.upper;
-    items_[i] = {{center.x, center.y, center.z}, std::uint32_t(i)};
+    centers_[i] = {center.x, center.y, center.z, 0.F};
+    keys_[i] = Key(i);
   }
   records_ = records;
   cell_ = cell;
   groups_ = groups;
   used_ = 0;
-  build(items_);
+  build(keys_);
 }
 
-CellTreeBuilder::Built CellTreeBuilder::build(std::span<Item> items) {
-  return items.size() <= kSlots ? leaf(items) : node(items);
+CellTreeBuilder::Built CellTreeBuilder::build(std::span<Key> keys) {
+  return keys.size() <= kSlots ? leaf(keys) : node(keys);
 }
 
-CellTreeBuilder::Built CellTreeBuilder::leaf(std::span<const Item> items) {
+CellTreeBuilder::Built CellTreeBuilder::leaf(std::span<const Key> keys) {
   const std::size_t at = used_++;
   Built built{std::uint32_t(at) | tree_link::kLeafBit, {}, ~0U};
   const BoxRecord* records[kSlots];
-  for (std::size_t slot = 0; slot < items.size(); ++slot) {
-    records[slot] = records_[items[slot].record];
+  for (std::size_t slot = 0; slot < keys.size(); ++slot) {
+    records[slot] = records_[std::uint32_t(keys[slot])];
     built.box.extend(records[slot]->box);
     built.seen &= records[slot]->seen_from(cell_);
   }
-  set_instances<kSlots>(groups_[at], {records, items.size()}, cell_);
+  set_instances<kSlots>(groups_[at], {records, keys.size()}, cell_);
   return built;
 }
 
-CellTreeBuilder::Built CellTreeBuilder::node(std::span<Item> items) {
+CellTreeBuilder::Built CellTreeBuilder::node(std::span<Key> keys) {
   const std::size_t at = used_++;
-  const Children children(items.size());
-  partition(items, children.begins, 0, children.size);
+  const Children children(keys.size());
+  partition(keys, children.begins, 0, children.size);
   Built built{std::uint32_t(at), {}, ~0U};
   BoxGroup<kSlots>& group = groups_[at];
   group.clear();
   for (std::size_t k = 0; k < children.size; ++k) {
-    const Built child = build(items.subspan(children.begins[k], children.begins[k + 1] - children.begins[k]));
+    const Built child = build(keys.subspan(children.begins[k], children.begins[k + 1] - children.begins[k]));
     group.set_box(k, child.box);
     group.links[k] = child.link;
     for (std::size_t side = 0; side < 6; ++side)
@@ -80,28 +118,30 @@ CellTreeBuilder::Built CellTreeBuilder::node(std::span<Item> items) {
   return built;
 }
 
-/// Sorts the items into parts first .. last, halving along the longest extent of their centres.
-void CellTreeBuilder::partition(std::span<Item> items, const std::size_t* begins, std::size_t first,
+/// Sorts the keys into parts first .. last, halving along the longest extent of the centres.
+void CellTreeBuilder::partition(std::span<Key> keys, const std::size_t* begins, std::size_t first,
                                 std::size_t last) {
   if (last - first < 2) return;
-  float lower[3], upper[3];
-  for (int axis = 0; axis < 3; ++axis) lower[axis] = upper[axis] = items[begins[first]].center[axis];
-  for (std::size_t i = begins[first]; i < begins[last]; ++i) {
-    for (int axis = 0; axis < 3; ++axis) {
-      lower[axis] = std::min(lower[axis], items[i].center[axis]);
-      upper[axis] = std::max(upper[axis], items[i].center[axis]);
+  const std::span<Key> all = keys.subspan(begins[first], begins[last] - begins[first]);
+  std::array<float, 4> lower = centers_[std::uint32_t(all[0])], upper = lower;
+  for (const Key key : all) {
+    const std::array<float, 4>& center = centers_[std::uint32_t(key)];
+    for (std::size_t axis = 0; axis < 4; ++axis) {
+      lower[axis] = std::min(lower[axis], center[axis]);
+      upper[axis] = std::max(upper[axis], center[axis]);
     }
   }
   const Vec3f extent{upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]};
-  const int axis = extent.x >= extent.y ? (extent.x >= extent.z ? 0 : 2) : (extent.y >= extent.z ? 1 : 2);
+  const std::size_t axis =
+      extent.x >= extent.y ? (extent.x >= extent.z ? 0 : 2) : (extent.y >= extent.z ? 1 : 2);
+  for (Key& key : all) {
+    const auto record = std::uint32_t(key);
+    key = (Key(ordered_bits(centers_[record][axis])) << 32) | Key(record);
+  }
   const std::size_t middle = (first + last) / 2;
-  const auto at = [&](std::size_t part) { return items.begin() + std::ptrdiff_t(begins[part]); };
-  std::nth_element(at(first), at(middle), at(last), [axis](const Item& a, const Item& b) {
-    const float x = a.center[axis], y = b.center[axis];
-    return x < y || (x == y && a.record < b.record);
-  });
-  partition(items, begins, first, middle);
-  partition(items, begins, middle, last);
+  select(all, begins[middle] - begins[first]);
+  partition(keys, begins, first, middle);
+  partition(keys, begins, middle, last);
 }
 
 }  // namespace gridcast::tlas

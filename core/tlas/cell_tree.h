@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
-#include "core/tlas/box_group.h"
+#include "core/tlas/box_record.h"
 
 namespace gridcast::tlas {
 
@@ -19,31 +21,26 @@ class CellTreeBuilder {
   void build(std::span<const BoxRecord* const> records, const Cell& cell, std::span<BoxGroup<8>> groups);
 
  private:
-  /// What the splits look at: twice the centre of a box, and its place among the records.
-  struct Item {
-    float center[3];
-    std::uint32_t record;
-  };
-  /// The link to what holds some items, with their box and the `seen` bits that all of them share.
+  /// A coordinate of a box centre in the upper half, ordered like the floats, and the place of the box among
+  /// the records in the lower.
+  using Key = std::uint64_t;
+  /// The link to what holds some instances, with their box and the `seen` bits that all of them share.
   struct Built {
     std::uint32_t link;
     Bounds3f box;
     std::uint32_t seen;
   };
-  Built build(std::span<Item> items);
-  Built leaf(std::span<const Item> items);
-  Built node(std::span<Item> items);
-  static void partition(std::span<Item> items, const std::size_t* begins, std::size_t first,
-                        std::size_t last);
+  Built build(std::span<Key> keys);
+  Built leaf(std::span<const Key> keys);
+  Built node(std::span<Key> keys);
+  void partition(std::span<Key> keys, const std::size_t* begins, std::size_t first, std::size_t last);
 
-  std::vector<Item> items_;
+  std::vector<Key> keys_;
+  std::vector<std::array<float, 4>> centers_;  ///< twice the centre of each record's box
   std::span<const BoxRecord* const> records_;
   Cell cell_{};
   std::span<BoxGroup<8>> groups_;
   std::size_t used_ = 0;  ///< of groups_
 };
-
-/// Levels of a tree over any number of references that fits an id.
-inline constexpr std::size_t kMaxTreeDepth = 16;
 
 }  // namespace gridcast::tlas

@@ -5,10 +5,9 @@
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <vector>
 
+#include "core/math/line_memory.h"
 #include "core/tlas/box_group.h"
-#include "core/tlas/cell_tree.h"
 
 namespace gridcast::tlas {
 
@@ -41,7 +40,7 @@ class alignas(64) GridBlock {
   [[nodiscard]] std::uint32_t reference_count() const { return reference_count_; }
   [[nodiscard]] std::uint32_t tree_count() const { return tree_count_; }  ///< cells with a tree
 
-  static constexpr std::size_t kLineBytes = 64;
+  static constexpr std::size_t kLineBytes = kCacheLineBytes;
 
  private:
   friend class BlockBuilder;
@@ -67,53 +66,6 @@ class alignas(64) GridBlock {
   std::uint32_t listed_line_ = 0, listed_count_ = 0;
   std::uint32_t line_count_ = 0, reference_count_ = 0;
   std::uint32_t tree_count_ = 0;
-};
-
-/// Cells of a block that are to be made anew, and what they hold until then.
-struct DirtyCells {
-  std::uint64_t bits = ~std::uint64_t(0);
-  std::vector<std::uint32_t> ids;  ///< ascending
-  std::uint32_t references = 0, trees = 0;
-
-  /// All cells of a block that holds nothing.
-  DirtyCells() = default;
-  DirtyCells(const GridBlock& block, std::uint64_t dirty);
-};
-
-/// Makes blocks; one per thread, so that its scratch memory is used again.
-class BlockBuilder {
- public:
-  /// `ranges` are those of the boxes where they are known, by id, or none.
-  BlockBuilder(const GridLayout& layout, const BoxTable& boxes, std::span<const CellRange> ranges = {})
-      : layout_(layout), boxes_(boxes), ranges_(ranges) {}
-  /// The block in which exactly the instances `listed` (ascending) are filed; null when there are none. A
-  /// function of the layout and the boxes alone.
-  [[nodiscard]] std::shared_ptr<const GridBlock> make(std::uint32_t block,
-                                                      std::span<const std::uint32_t> listed);
-  /// The same from the block as it was, where nothing has changed but in the cells `dirty`: the others are
-  /// copied. `filed` (ascending) has all instances of the dirty cells as they are to be.
-  [[nodiscard]] std::shared_ptr<const GridBlock> patch(std::uint32_t block, const GridBlock& old,
-                                                       const DirtyCells& dirty,
-                                                       std::span<const std::uint32_t> filed,
-                                                       std::span<const std::uint32_t> listed);
-
- private:
-  /// Finds the references of the cells `wanted` among `cells`.
-  void file(const CellRange& cells, std::uint64_t wanted, std::span<const std::uint32_t> filed);
-  [[nodiscard]] std::uint32_t size_of(std::uint32_t local) const { return first_[local + 1] - first_[local]; }
-  [[nodiscard]] std::span<const BoxRecord* const> references(std::size_t local) const {
-    return {references_.data() + first_[local], references_.data() + first_[local + 1]};
-  }
-  void write_cell(std::byte* at, std::span<const BoxRecord* const> records, const Cell& cell);
-
-  const GridLayout& layout_;
-  const BoxTable& boxes_;
-  std::span<const CellRange> ranges_;
-  std::vector<BoxRecord> records_;            ///< of the instances listed
-  std::vector<std::uint64_t> cells_;          ///< of each record, a bit each
-  std::vector<const BoxRecord*> references_;  ///< by cell
-  std::uint32_t first_[65] = {};              ///< of each cell in references_
-  CellTreeBuilder trees_;
 };
 
 }  // namespace gridcast::tlas

@@ -1,5 +1,6 @@
 #include "core/tlas/grid_cost.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <vector>
@@ -149,12 +150,32 @@ void BoxSums::add(const BoxSums& other) {
   volume += other.volume;
 }
 
+namespace {
+
+/// Calls visit(box) for some of the boxes in a row. Those of the next chunk are asked for while one is read,
+/// since chunks may lie anywhere.
+template <class Visit>
+void for_each_box(const BoxTable& boxes, std::size_t begin, std::size_t end, const Visit& visit) {
+  constexpr std::size_t kChunk = BoxTable::kChunkSize;
+  for (std::size_t i = begin; i < end;) {
+    const std::size_t first = i / kChunk * kChunk, last = std::min(first + kChunk, end);
+    const InstanceBox* const chunk = boxes.chunk(first).data();
+    const InstanceBox* const next = last < end ? boxes.chunk(last).data() : chunk;
+    for (; i < last; ++i) {
+      __builtin_prefetch(&next[i - first]);
+      visit(chunk[i - first]);
+    }
+  }
+}
+
+}  // namespace
+
 BoxSums sum_boxes(const BoxTable& boxes) {
   using Range = tbb::blocked_range<std::size_t>;
   BoxSums all = tbb::parallel_deterministic_reduce(
       Range(0, boxes.size(), 8192), BoxSums(),
       [&](const Range& range, BoxSums sums) {
-        for (std::size_t i = range.begin(); i < range.end(); ++i) sums.add(boxes[i]);
+        for_each_box(boxes, range.begin(), range.end(), [&](const InstanceBox& box) { sums.add(box); });
         return sums;
       },
       [](BoxSums a, const BoxSums& b) {
@@ -171,7 +192,8 @@ Bounds3d bounds_of(const BoxTable& boxes) {
       Range(0, boxes.size(), 8192), Bounds3d(),
       [&](const Range& range, Bounds3d bounds) {
         // An empty box changes nothing.
-        for (std::size_t i = range.begin(); i < range.end(); ++i) bounds.extend(boxes[i].bounds);
+        for_each_box(boxes, range.begin(), range.end(),
+                     [&](const InstanceBox& box) { bounds.extend(box.bounds); });
         return bounds;
       },
       [](Bounds3d a, const Bounds3d& b) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/tlas/box_record.h"
 #include "core/tlas/cell_reader.h"
 #include "core/tlas/grid_cost.h"
 #include "core/tlas/top_level.h"

@@ -10,6 +10,9 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "core/tlas/block_builder.h"
+#include "core/tlas/box_filing.h"
+
 namespace gridcast::tlas {
 namespace {
 
@@ -32,7 +35,7 @@ class BlockLists {
       : layout_(layout),
         boxes_(boxes),
         tasks_(task_count(boxes.size(), layout.block_count())),
-        ranges_(boxes.size()) {
+        table_(boxes.size()) {
     const std::size_t blocks = layout.block_count();
     std::vector<std::vector<std::uint32_t>> next(tasks_);
     std::vector<float> drifts(tasks_, 0.F);
@@ -53,31 +56,44 @@ class BlockLists {
     ids_.resize(total);
     tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) {
       for (std::size_t i = begin(task); i < begin(task + 1); ++i)
-        for_each_block(ranges_[i], [&](std::size_t block) { ids_[next[task][block]++] = std::uint32_t(i); });
+        for_each_block(records()[i].range,
+                       [&](std::size_t block) { ids_[next[task][block]++] = std::uint32_t(i); });
     });
   }
 
   [[nodiscard]] std::span<const std::uint32_t> operator[](std::size_t block) const {
     return {ids_.data() + starts_[block], ids_.data() + starts_[block + 1]};
   }
-  [[nodiscard]] std::span<const CellRange> ranges() const { return ranges_; }  ///< by id
+  [[nodiscard]] std::span<const BoxRecord> records() const { return table_.records(); }  ///< by id
   [[nodiscard]] float max_drift() const { return max_drift_; }
   [[nodiscard]] std::size_t filed() const { return filed_; }  ///< instances in any block
 
  private:
-  [[nodiscard]] std::size_t begin(std::size_t task) const { return boxes_.size() * task / tasks_; }
+  /// Whole chunks of the table of boxes.
+  [[nodiscard]] std::size_t begin(std::size_t task) const {
+    constexpr std::size_t kChunk = BoxTable::kChunkSize;
+    const std::size_t chunks = (boxes_.size() + kChunk - 1) / kChunk;
+    return std::min(chunks * task / tasks_ * kChunk, boxes_.size());
+  }
 
-  /// Finds the ranges of a task's instances and counts them by block; returns how many are filed, and the
+  /// Makes the records of a task's instances and counts them by block; returns how many are filed, and the
   /// largest drift of these.
   std::pair<std::size_t, float> count(std::size_t task, std::vector<std::uint32_t>& counts) {
     std::size_t filed = 0;
     float max_drift = 0.F;
-    for (std::size_t i = begin(task); i < begin(task + 1); ++i) {
-      ranges_[i] = layout_.range_of(boxes_[i]);
-      if (ranges_[i].empty()) continue;
-      max_drift = std::max(max_drift, boxes_[i].drift);
-      ++filed;
-      for_each_block(ranges_[i], [&](std::size_t block) { ++counts[block]; });
+    for (std::size_t first = begin(task); first < begin(task + 1); first += BoxTable::kChunkSize) {
+      const std::size_t size = std::min(BoxTable::kChunkSize, boxes_.size() - first);
+      const std::span<const InstanceBox> boxes = boxes_.chunk(first).first(size);
+      if (first + size < begin(task + 1))
+        for (const InstanceBox& next : boxes_.chunk(first + size)) __builtin_prefetch(&next);
+      write_records(layout_, boxes, std::uint32_t(first), table_.at(first));
+      for (std::size_t k = 0; k < size; ++k) {
+        const CellRange& range = records()[first + k].range;
+        if (range.empty()) continue;
+        max_drift = std::max(max_drift, boxes[k].drift);
+        ++filed;
+        for_each_block(range, [&](std::size_t block) { ++counts[block]; });
+      }
     }
     return {filed, max_drift};
   }
@@ -92,7 +108,7 @@ class BlockLists {
   const GridLayout& layout_;
   const BoxTable& boxes_;
   std::size_t tasks_;
-  std::vector<CellRange> ranges_;
+  RecordTable table_;
   std::vector<std::uint32_t> starts_, ids_;
   float max_drift_ = 0.F;
   std::size_t filed_ = 0;
@@ -119,7 +135,7 @@ UniformGrid::UniformGrid(const GridLayout& layout, const BoxTable& boxes) : layo
   const BlockLists lists(layout_, boxes);
   max_drift_ = lists.max_drift();
   filed_at_build_ = lists.filed();
-  make_in_parallel(blocks, BlockBuilder(layout_, boxes, lists.ranges()),
+  make_in_parallel(blocks, BlockBuilder(layout_, boxes, lists.records()),
                    [&](BlockBuilder& builder, std::size_t b) {
                      if (!lists[b].empty()) blocks_.write(b) = builder.make(std::uint32_t(b), lists[b]);
                    });

@@ -1,5 +1,7 @@
 #include "core/math/chunked_vector.h"
 
+#include <cstdint>
+
 #include <gtest/gtest.h>
 
 namespace gridcast {
@@ -28,15 +30,43 @@ TEST(ChunkedVector, writing_copies_the_chunk_of_the_element_alone) {
 TEST(ChunkedVector, overwriting_a_chunk_leaves_that_of_others_alone) {
   const Vector before = counting(12);
   Vector after = before;
-  after.overwrite_chunk(6);
-  for (std::size_t i = 4; i < 8; ++i) after.write(i) = -1;
+  for (int& element : after.overwrite_chunk(6)) element = -1;
   for (std::size_t i = 0; i < 12; ++i) {
     EXPECT_EQ(before[i], int(i));
     EXPECT_EQ(after[i], i / 4 == 1 ? -1 : int(i));
   }
   // What is this vector's own already is written in place.
-  after.overwrite_chunk(4);
+  EXPECT_EQ(after.overwrite_chunk(4)[3], -1);
   EXPECT_EQ(after[7], -1);
+}
+
+TEST(ChunkedVector, a_chunk_is_all_of_its_elements_and_written_through_a_copy_of_its_own) {
+  const Vector before = counting(10);
+  Vector after = before;
+  EXPECT_EQ(&before.chunk(6)[1], &before[5]);
+  after.write_chunk(6)[1] = 50;
+  EXPECT_EQ(before[5], 5);
+  EXPECT_EQ(after[5], 50);
+  EXPECT_EQ(after[4], 4);
+  EXPECT_EQ(after.write_chunk(5).data(), &after[4]) << "in place from then on";
+  EXPECT_EQ(after.chunk(9).size(), 4U);
+}
+
+struct alignas(64) Line {
+  int number = 7;
+};
+
+TEST(ChunkedVector, elements_of_whole_cache_lines_begin_at_one) {
+  ChunkedVector<Line, 2> before;
+  before.grow(6);
+  ChunkedVector<Line, 2> after = before;
+  after.write(0).number = 1;
+  for (Line& line : after.overwrite_chunk(2)) line = {2};
+  for (std::size_t i = 0; i < 6; ++i) {
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(&before[i]) % 64, 0U);
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(&after[i]) % 64, 0U);
+    EXPECT_EQ(before[i].number, 7);
+  }
 }
 
 }  // namespace
