@@ -17,7 +17,7 @@ inline constexpr std::size_t kSlotsOfOneTask = tlas::BoxTable::kChunkSize;
 /// two parts have ids in one chunk, so that each may write what is stored under its ids.
 template <class IdOf, class Work>
 void for_each_part(std::size_t count, const IdOf& id_of, const Work& work) {
-  constexpr std::size_t kIdsPerPart = 2048;
+  constexpr std::size_t kIdsPerPart = 512;
   const std::size_t parts = (count + kIdsPerPart - 1) / kIdsPerPart;
   const auto border = [&](std::size_t part) {
     std::size_t k = std::min(part * kIdsPerPart, count);

@@ -5,6 +5,9 @@
 #include <atomic>
 #include <limits>
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include "core/scene/chunk_parts.h"
 #include "core/scene/hit_box_batch.h"
 #include "core/scene/scene_editor.h"
@@ -25,7 +28,9 @@ auto own_chunk(Vector& vector, std::size_t id, std::size_t count) {
 class SortedMoves {
  public:
   explicit SortedMoves(std::span<const MoveInstance> moves) : moves_(moves), ids_(moves.size()) {
-    for (std::size_t k = 0; k < moves.size(); ++k) ids_[k] = moves[k].instance_id;
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, moves.size(), 4096), [&](const auto& part) {
+      for (std::size_t k = part.begin(); k < part.end(); ++k) ids_[k] = moves[k].instance_id;
+    });
     if (std::is_sorted(ids_.begin(), ids_.end())) return;
     order_.resize(moves.size());
     for (std::size_t k = 0; k < moves.size(); ++k)

@@ -18,7 +18,7 @@ namespace {
 
 /// Tasks of the counting sort, each with a histogram: so many instances each at least, and all histograms
 /// together with no more entries than twice the instances.
-constexpr std::size_t kInstancesPerTask = 2048;
+constexpr std::size_t kInstancesPerTask = 1024;
 constexpr std::size_t kMaxTasks = 64;
 
 std::size_t task_count(std::size_t instances, std::size_t blocks) {

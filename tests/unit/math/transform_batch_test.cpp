@@ -57,6 +57,10 @@ TEST(TransformBatch, is_the_single_transform_bit_for_bit_with_every_instruction_
       for (std::size_t lane = 0; lane < count; ++lane)
         batch.set(lane, affines[lane] = awkward_affine(random));
       batch.invert();
+      InstanceTransform made_at_once[TransformBatch::kSize];
+      InstanceTransform* wanted[TransformBatch::kSize];
+      for (std::size_t lane = 0; lane < count; ++lane) wanted[lane] = &made_at_once[lane];
+      batch.get({wanted, count});
       for (std::size_t lane = 0; lane < count; ++lane) {
         const InstanceTransform alone(affines[lane]);
         InstanceTransform made;
@@ -64,6 +68,8 @@ TEST(TransformBatch, is_the_single_transform_bit_for_bit_with_every_instruction_
         ASSERT_EQ(made.active(), alone.active());
         ASSERT_EQ((batch.active() >> lane) & 1U, std::uint32_t(alone.active()));
         ASSERT_TRUE(!alone.active() || same_bits(made, alone));
+        ASSERT_EQ(made_at_once[lane].active(), alone.active());
+        ASSERT_TRUE(!alone.active() || same_bits(made_at_once[lane], alone));
         (alone.active() ? active : inactive)++;
       }
     }
