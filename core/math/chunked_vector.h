@@ -9,8 +9,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/math/line_memory.h"
-
 namespace gridcast {
 
 /// A vector in shared chunks: a copy shares every chunk, writing to one element copies its chunk alone.
@@ -28,7 +26,7 @@ class ChunkedVector {
   /// All elements of the chunk of element i, to write through.
   [[nodiscard]] std::span<T, kChunk> write_chunk(std::size_t i) {
     std::shared_ptr<Chunk>& chunk = chunks_[i / kChunk];
-    if (chunk.use_count() != 1) chunk = std::allocate_shared<Chunk>(LineAllocator<Chunk>(), *chunk);
+    if (chunk.use_count() != 1) chunk = std::make_shared<Chunk>(*chunk);
     return *chunk;
   }
   /// The same, for all of them to be written: what they are until then means nothing, since nothing is copied
@@ -41,13 +39,13 @@ class ChunkedVector {
   /// All elements of the chunk of element i; the last chunk may have more than size() tells.
   [[nodiscard]] std::span<const T, kChunk> chunk(std::size_t i) const { return *chunks_[i / kChunk]; }
   void push_back(T value) {
-    if (size_ % kChunk == 0) chunks_.push_back(new_chunk());
+    if (size_ % kChunk == 0) chunks_.push_back(std::make_shared<Chunk>());
     ++size_;
     write(size_ - 1) = std::move(value);
   }
   /// Grows to `size` default elements; never shrinks.
   void grow(std::size_t size) {
-    while (chunks_.size() * kChunk < size) chunks_.push_back(new_chunk());
+    while (chunks_.size() * kChunk < size) chunks_.push_back(std::make_shared<Chunk>());
     size_ = std::max(size_, size);
   }
   /// Whether both hold element i in the very same chunk: then all of that chunk is the same.
@@ -63,27 +61,17 @@ class ChunkedVector {
  private:
   using Chunk = std::array<T, kChunk>;
 
-  /// Chunks begin at a cache line, so that elements of whole lines do, too.
-  template <class U>
-  struct LineAllocator {
-    using value_type = U;
-    LineAllocator() = default;
-    template <class V>
-    explicit LineAllocator(const LineAllocator<V>& /*other*/) {}
-    [[nodiscard]] U* allocate(std::size_t n) { return static_cast<U*>(allocate_lines(n * sizeof(U))); }
-    void deallocate(U* memory, std::size_t /*n*/) { free_lines(memory); }
-    friend bool operator==(const LineAllocator& /*a*/, const LineAllocator& /*b*/) { return true; }
-  };
   /// Leaves memory as it is: a chunk of what can be copied byte by byte needs no constructor to begin.
   template <class U>
-  struct UnwrittenAllocator : LineAllocator<U> {
+  struct UnwrittenAllocator {
     using value_type = U;
     UnwrittenAllocator() = default;
     template <class V>
     explicit UnwrittenAllocator(const UnwrittenAllocator<V>& /*other*/) {}
+    [[nodiscard]] U* allocate(std::size_t n) { return std::allocator<U>().allocate(n); }
+    void deallocate(U* memory, std::size_t n) { std::allocator<U>().deallocate(memory, n); }
     void construct(Chunk* /*place*/) {}
   };
-  static std::shared_ptr<Chunk> new_chunk() { return std::allocate_shared<Chunk>(LineAllocator<Chunk>()); }
 
   std::vector<std::shared_ptr<Chunk>> chunks_;
   std::size_t size_ = 0;

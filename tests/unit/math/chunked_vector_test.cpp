@@ -1,7 +1,5 @@
 #include "core/math/chunked_vector.h"
 
-#include <cstdint>
-
 #include <gtest/gtest.h>
 
 namespace gridcast {
@@ -50,23 +48,6 @@ TEST(ChunkedVector, a_chunk_is_all_of_its_elements_and_written_through_a_copy_of
   EXPECT_EQ(after[4], 4);
   EXPECT_EQ(after.write_chunk(5).data(), &after[4]) << "in place from then on";
   EXPECT_EQ(after.chunk(9).size(), 4U);
-}
-
-struct alignas(64) Line {
-  int number = 7;
-};
-
-TEST(ChunkedVector, elements_of_whole_cache_lines_begin_at_one) {
-  ChunkedVector<Line, 2> before;
-  before.grow(6);
-  ChunkedVector<Line, 2> after = before;
-  after.write(0).number = 1;
-  for (Line& line : after.overwrite_chunk(2)) line = {2};
-  for (std::size_t i = 0; i < 6; ++i) {
-    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(&before[i]) % 64, 0U);
-    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(&after[i]) % 64, 0U);
-    EXPECT_EQ(before[i].number, 7);
-  }
 }
 
 }  // namespace
