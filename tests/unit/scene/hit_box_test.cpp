@@ -86,6 +86,7 @@ TEST(HitBoxBatch, is_the_single_box_bit_for_bit_with_every_instruction_set) {
     BoxLanes boxes;
     for (int round = 0; round < 500; ++round) {
       HullLanes lanes;
+      const std::uint32_t shared = random.below(6);  // one hull for all lanes, or any
       Affine placed[TransformBatch::kSize];
       for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane) {
         placed[lane] = random_affine(random, 100.0, std::exp2(random.uniform(-20.0, 20.0)));
@@ -93,7 +94,7 @@ TEST(HitBoxBatch, is_the_single_box_bit_for_bit_with_every_instruction_set) {
         if (random.below(3) == 0) placed[lane].linear = Mat3d(glm::dmat3(random.below(2) == 0 ? 2.0 : -1.0));
         if (random.below(3) == 0) placed[lane].linear[1][0] = placed[lane].linear[0][0];
         batch.set(lane, placed[lane]);
-        lanes[lane] = &hulls[random.below(3)];
+        lanes[lane] = &hulls[shared < 3 ? shared : random.below(3)];
       }
       batch.invert();
       hit_boxes(batch, lanes, boxes);
