@@ -67,7 +67,7 @@ std::optional<Problem> check_excluded(const std::vector<PrimitiveRef>& excluded)
 
 }  // namespace
 
-std::optional<Problem> parse_binary_rays(const MediaType& type, std::string_view body, const Limits& limits,
+std::optional<Problem> check_binary_rays(const MediaType& type, std::size_t body_bytes, const Limits& limits,
                                          RayRequest& request) {
   const auto layout = read_layout(type);
   if (!layout)
@@ -75,12 +75,18 @@ std::optional<Problem> parse_binary_rays(const MediaType& type, std::string_view
         ProblemCode::kUnsupportedMediaType,
         std::string(kRaysMediaType) + " takes dtype=float32|float64, columns=6|8 and exclude=none|ids",
         "Content-Type"};
-  if (auto problem = check_size(*layout, body.size(), limits)) return problem;
-  const std::size_t count = body.size() / layout->ray_bytes();
   request.scalar = layout->scalar;
   request.columns = layout->columns;
-  request.binary_body = std::as_bytes(std::span(body)).subspan(count * layout->id_bytes());
-  if (layout->exclude == Exclusion::kNone) return std::nullopt;
+  return check_size(*layout, body_bytes, limits);
+}
+
+std::optional<Problem> parse_binary_rays(const MediaType& type, std::string_view body, const Limits& limits,
+                                         RayRequest& request) {
+  if (auto problem = check_binary_rays(type, body.size(), limits, request)) return problem;
+  const Layout layout = *read_layout(type);
+  const std::size_t count = body.size() / layout.ray_bytes();
+  request.binary_body = std::as_bytes(std::span(body)).subspan(count * layout.id_bytes());
+  if (layout.exclude == Exclusion::kNone) return std::nullopt;
   static_assert(sizeof(PrimitiveRef) == 2 * sizeof(std::uint32_t));
   request.excluded.resize(count);
   if (count > 0) std::memcpy(request.excluded.data(), body.data(), count * sizeof(PrimitiveRef));

@@ -1,5 +1,8 @@
 #include "proto/limits.h"
 
+#include <algorithm>
+#include <thread>
+
 #include "proto/replies_json.h"
 
 namespace gridcast::proto {
@@ -44,7 +47,13 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"kept_versions", limits.kept_versions},
           {"log_bytes", limits.log_bytes},
           {"log_lines", limits.log_lines},
-          {"event_streams", limits.event_streams}};
+          {"event_streams", limits.event_streams},
+          {"heavy_requests", limits.heavy_requests},
+          {"heavy_wait_ms", limits.heavy_wait_ms}};
+}
+
+std::size_t default_heavy_requests() {
+  return kHeavyRequestsPerCore * std::max(1U, std::thread::hardware_concurrency());
 }
 
 std::string to_json(const Limits& limits) {

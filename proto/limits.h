@@ -8,6 +8,11 @@
 
 namespace gridcast::proto {
 
+/// Of questions about many rays, for each core: under 80 % of the load that a server bears there are hardly
+/// more at a time.
+inline constexpr std::size_t kHeavyRequestsPerCore = 8;
+[[nodiscard]] std::size_t default_heavy_requests();
+
 struct Limits {
   /// About 240,000 rays of six numbers: parsing costs more than tracing, so large batches should be binary.
   std::size_t json_bytes = std::size_t(16) << 20;
@@ -72,6 +77,10 @@ struct Limits {
   std::size_t log_lines = 10'000;
   /// Open streams of events: each holds a connection's thread.
   std::size_t event_streams = 16;
+  /// Questions about many rays, points or pairs, at work or waiting for it: so many are never too many. More
+  /// are refused when all together would take longer than heavy_wait_ms at the pace of the last ones.
+  std::size_t heavy_requests = default_heavy_requests();
+  double heavy_wait_ms = 20.0;
 };
 
 /// The `limits` object of GET /v1: one member per field above, same names.

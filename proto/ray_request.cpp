@@ -152,4 +152,17 @@ Parsed<RayRequest> parse_ray_request(std::string_view content_type, std::string_
   return request;
 }
 
+std::optional<RayRequest> announced_rays(std::string_view content_type, std::size_t body_bytes,
+                                         const QueryParameters& query, const Limits& limits,
+                                         RayQuestion question) {
+  const auto type = parse_media_type(content_type);
+  if (!type || type->essence != kRaysMediaType) return std::nullopt;
+  const std::string* exclude = type->find("exclude");
+  RayRequest request;
+  if ((exclude != nullptr && *exclude != "none") || check_binary_rays(*type, body_bytes, limits, request) ||
+      apply_query(query, limits, question, request.options))
+    return std::nullopt;
+  return request;
+}
+
 }  // namespace gridcast::proto

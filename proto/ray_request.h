@@ -57,4 +57,10 @@ class RayRequest {
                                                    const QueryParameters& query, const Limits& limits,
                                                    RayQuestion question = RayQuestion::kClosest);
 
+/// The same of a binary body of rays alone (exclude=none) that is still to come: everything but the rays.
+/// Nothing for any other body, and where parse_ray_request would find a problem.
+[[nodiscard]] std::optional<RayRequest> announced_rays(std::string_view content_type, std::size_t body_bytes,
+                                                       const QueryParameters& query, const Limits& limits,
+                                                       RayQuestion question);
+
 }  // namespace gridcast::proto

@@ -113,13 +113,18 @@ class ColumnTable {
   template <class T>
   void add(std::string_view name, std::string_view dtype, std::span<const T> values, std::size_t rows,
            std::size_t width) {
-    add_bytes(name, dtype, std::as_bytes(values), rows, width);
+    const std::span<const std::byte> whole = std::as_bytes(values);
+    add_pieces(name, dtype, {&whole, 1}, rows, width);
   }
   /// A column that names its type and the number of its rows itself.
   template <class T>
   void add(std::string_view name, const std::vector<T>& values, std::size_t width = 1) {
     add(name, dtype_of<T>(), std::span(values), values.size() / width, width);
   }
+
+  /// A column of `rows` rows that lies in pieces.
+  void add_pieces(std::string_view name, std::string_view dtype,
+                  std::span<const std::span<const std::byte>> pieces, std::size_t rows, std::size_t width);
 
   BinaryBody finish(const ReplyHead& head) &&;
 
@@ -134,9 +139,6 @@ class ColumnTable {
     static_assert(sizeof(T) != 1 || std::is_same_v<T, std::uint8_t> || std::is_enum_v<T>);
     if constexpr (sizeof(T) == 1) return "U8";
   }
-  void add_bytes(std::string_view name, std::string_view dtype, std::span<const std::byte> bytes,
-                 std::size_t rows, std::size_t width);
-
   nlohmann::ordered_json head_ = nlohmann::ordered_json::object();
   BinaryBody body_;
   std::size_t end_ = 0;
@@ -151,6 +153,6 @@ inline std::span<const std::uint8_t> to_bytes(std::span<const RayStatus> status)
 /// The columns of hits that a reply is asked for, but for `status` in JSON: see write_hits_json and
 /// write_hits_binary.
 void write_hit_columns(JsonText& text, const HitColumns& hits, HitField fields);
-void add_hit_columns(ColumnTable& table, const HitColumns& hits, HitField fields);
+void add_hit_columns(ColumnTable& table, std::span<const HitColumns> pieces, HitField fields);
 
 }  // namespace gridcast::proto

@@ -90,6 +90,10 @@ std::optional<Problem> ZstdDecoder::decode(std::string_view encoded, const Take&
   return std::nullopt;
 }
 
+std::size_t ZstdDecoder::held_bytes() const {
+  return ZSTD_sizeof_DCtx(context_->stream) + context_->piece.capacity();
+}
+
 std::optional<Problem> ZstdDecoder::finish() const {
   if (whole_) return std::nullopt;
   return broken("the body ends before its zstd frame does");

@@ -34,6 +34,8 @@ class ZstdDecoder {
   /// The next encoded bytes. kPayloadTooLarge as soon as more than the limit comes out, kInvalidRequest for
   /// what is no frame; or what `take` says. After a problem the decoder is of no more use.
   [[nodiscard]] std::optional<Problem> decode(std::string_view encoded, const Take& take);
+  /// Memory that it holds beside what it has handed on: mostly the window of the largest frame so far.
+  [[nodiscard]] std::size_t held_bytes() const;
   /// After the last bytes: kInvalidRequest when a frame is not whole, or there was none.
   [[nodiscard]] std::optional<Problem> finish() const;
 

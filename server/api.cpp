@@ -113,11 +113,15 @@ std::optional<HttpResponse> not_modified(const HttpRequest& request, std::uint64
 double Timing::mark(std::string_view phase) {
   const Clock::time_point now = Clock::now();
   const double ms = ms_between(last_, now);
-  last_ = now;
+  add(phase, ms);
+  return ms;
+}
+
+void Timing::add(std::string_view phase, double ms) {
+  last_ = Clock::now();
   char text[64];
   std::snprintf(text, sizeof(text), "%.*s;dur=%.3f", int(phase.size()), phase.data(), ms);
   header_.append(header_.empty() ? "" : ", ").append(text);
-  return ms;
 }
 
 std::variant<scene::UpdateResult, Problem> update_scene(

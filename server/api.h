@@ -88,6 +88,8 @@ class Timing {
  public:
   /// Ends the phase that began at the last call or at construction.
   double mark(std::string_view phase);
+  /// A phase that took `ms` in all, in turns with others, until now.
+  void add(std::string_view phase, double ms);
   [[nodiscard]] const std::string& header() const { return header_; }
 
  private:

@@ -118,6 +118,8 @@ class ServeCommand final : public Command {
   int serve(Api& api, std::atomic<bool>& loaded, const std::stop_token& stop) {
     options_.http.deadline = std::chrono::milliseconds(std::int64_t(options_.limits.deadline_ms));
     options_.http.memory = &api.memory;
+    options_.http.heavy_requests = options_.limits.heavy_requests;
+    options_.http.heavy_wait = std::chrono::milliseconds(std::int64_t(options_.limits.heavy_wait_ms));
     HttpServer http(make_router(api), options_.http, [&api](const RequestRecord& record) {
       api.metrics.count_request(record);
       log_request(record);

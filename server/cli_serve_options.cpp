@@ -62,6 +62,10 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
       ->group(group);
   add("--max-event-streams", limits.event_streams,
       "Streams of events at once; at most a quarter of the connections");
+  add("--max-heavy-requests", limits.heavy_requests,
+      "Questions about many rays, at work or waiting, that are never too many; by default 8 for each core");
+  add("--heavy-wait-ms", limits.heavy_wait_ms,
+      "Beyond those, questions are refused when all together would take longer than this");
 }
 
 void add_storage_options(CLI::App& app, ServeOptions& options) {

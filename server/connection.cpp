@@ -150,6 +150,17 @@ std::optional<BodyError> Connection::stream_body(const HttpHead& head, std::size
                                               : stream_chunked(max_bytes, take);
 }
 
+bool Connection::has_body(const HttpHead& head) const {
+  return head.framing == BodyFraming::kNone ||
+         (head.framing == BodyFraming::kLength && head.content_length <= buffer_.size());
+}
+
+bool Connection::skip_body(const HttpHead& head) {
+  if (!has_body(head)) return false;
+  if (head.framing == BodyFraming::kLength) buffer_.erase(0, head.content_length);
+  return true;
+}
+
 std::variant<std::string, BodyError> Connection::read_counted(std::size_t bytes) {
   std::string body = buffer_.substr(0, bytes);
   buffer_.erase(0, body.size());
@@ -165,6 +176,24 @@ std::variant<std::string, BodyError> Connection::read_counted(std::size_t bytes)
     filled += std::size_t(n);
   }
   return body;
+}
+
+std::optional<BodyError> Connection::read_next(std::span<char> to, const std::function<void()>& before_wait) {
+  std::size_t filled = buffer_.copy(to.data(), to.size());
+  buffer_.erase(0, filled);
+  bool has_waited = false;
+  while (filled < to.size()) {
+    const ssize_t n = ::recv(socket_, to.data() + filled, to.size() - filled, MSG_DONTWAIT);
+    if (n > 0) {
+      filled += std::size_t(n);
+      continue;
+    }
+    if (n == 0 || (errno != EAGAIN && errno != EINTR)) return broken_body(Clock::time_point::max());
+    if (!std::exchange(has_waited, true)) before_wait();
+    const Clock::time_point until = std::min(body_deadline_, Clock::now() + limits_.stall);
+    if (!wait_for(socket_, POLLIN, until)) return broken_body(until);
+  }
+  return std::nullopt;
 }
 
 std::optional<BodyError> Connection::stream_counted(std::size_t bytes, const TakePart& take) {
@@ -236,8 +265,8 @@ bool Connection::write(std::string_view bytes) {
   return true;
 }
 
-void Connection::write_now(std::string_view bytes) const {
-  (void)::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+bool Connection::write_now(std::string_view bytes) const {
+  return ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT) == ssize_t(bytes.size());
 }
 
 void Connection::begin_close() {

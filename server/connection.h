@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <variant>
@@ -63,11 +64,25 @@ class Connection {
   [[nodiscard]] std::optional<BodyError> stream_body(const HttpHead& head, std::size_t max_bytes,
                                                      const TakePart& take);
 
+  /// The same for a body of announced length that is read piece by piece: first this,
+  [[nodiscard]] std::optional<BodyError> begin_pieces(const HttpHead& head, std::size_t max_bytes) {
+    return begin_body(head, max_bytes);
+  }
+  /// then this as often as it takes: fills `to` with what comes next, of which there is as much by the head.
+  /// Calls `before_wait` once when nothing is there yet.
+  [[nodiscard]] std::optional<BodyError> read_next(std::span<char> to,
+                                                   const std::function<void()>& before_wait);
+
+  /// Whether the whole body that `head` announces has come.
+  [[nodiscard]] bool has_body(const HttpHead& head) const;
+  /// Drops the body that `head` announces; false, and nothing is dropped, when not all of it has come.
+  [[nodiscard]] bool skip_body(const HttpHead& head);
+
   /// False when the client is gone or too slow.
   [[nodiscard]] bool write(std::string_view bytes);
 
-  /// Writes as much as goes at once: for a last word to those who are not waited for.
-  void write_now(std::string_view bytes) const;
+  /// Writes as much as goes at once, for those who are not waited for; false when that is not all.
+  bool write_now(std::string_view bytes) const;
 
   /// Begins to close, so that an answer sent before the client finished its body still arrives: ends our
   /// side; from now on looks throw away what still comes, for a moment (waits_until()).

@@ -37,6 +37,35 @@ std::string request_id_of(const HttpHead& head) {
 constexpr std::uint64_t kBytesPerModelByte = 8;
 constexpr std::uint64_t kBytesPerQueryByte = 4;
 
+// Smaller bodies come whole: they are here before their work has begun.
+constexpr std::size_t kBytesInPieces = std::size_t(4) << 20;
+
+Problem too_many_bodies() {
+  return {ProblemCode::kOverloaded, "too many large bodies at once", ""};
+}
+
+/// Bytes that are counted among those of bodies as long as this lives: what decoders hold.
+class SharedBytes {
+ public:
+  explicit SharedBytes(std::atomic<std::size_t>& all) : all_(all) {}
+  ~SharedBytes() { all_ -= mine_; }
+  SharedBytes(const SharedBytes&) = delete;
+  SharedBytes& operator=(const SharedBytes&) = delete;
+
+  /// False when all would be more than `most`; a few are never too many.
+  [[nodiscard]] bool grow_to(std::size_t bytes, std::size_t most) {
+    if (bytes <= mine_) return true;
+    all_ += bytes - mine_;
+    mine_ = bytes;
+    return all_ <= most || bytes <= kSmallDecoder;
+  }
+
+ private:
+  static constexpr std::size_t kSmallDecoder = std::size_t(512) << 10;
+  std::atomic<std::size_t>& all_;
+  std::size_t mine_ = 0;
+};
+
 /// Of a body whose Content-Encoding is one that is taken.
 bool is_packed(const HttpRequest& request) {
   return proto::parse_content_encoding(request.header("content-encoding")) == proto::BodyCoding::kZstd;
@@ -69,7 +98,7 @@ HttpResponse Exchange::run() {
   if (const auto trace = head_.find("traceparent"); trace && trace->size() <= 128)
     response.with("traceparent", *trace);
   record_.status = response.status;
-  record_.bytes_out = response.body.size();
+  record_.bytes_out = response.body.size() + response.in_parts.bytes();
   record_.ms = ms_between(started_, Clock::now());
   if (!response.stream) guard_.reset();
   return response;
@@ -178,6 +207,13 @@ std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& requ
                                  ? std::min<std::size_t>(head_.content_length, max_bytes)
                                  : (packed ? 0 : max_bytes);
   if (auto problem = reserve(route, wanted)) return problem;
+  if (comes_in_pieces(route, request)) {
+    auto error = connection_.begin_pieces(head_, max_bytes);
+    if (!error) incoming_bytes_ = head_.content_length;
+    if (error) client_gone_ = !error->problem;
+    return error ? error->problem.value_or(cancelled_problem(CancelReason::kDisconnected))
+                 : std::optional<Problem>();
+  }
   const Clock::time_point before = Clock::now();
   auto body = packed ? read_zstd(route, max_bytes) : connection_.read_body(head_, max_bytes);
   transfer_ = Clock::now() - before;
@@ -195,7 +231,7 @@ std::optional<Problem> Exchange::reserve(const Route& route, std::size_t bytes) 
   const std::size_t more = bytes - reserved_bytes_;
   reserved_bytes_ = bytes;
   if ((shared_.body_bytes_in_flight += more) > shared_.options.max_body_bytes_in_flight && bytes > 65'536)
-    return Problem{ProblemCode::kOverloaded, "too many large bodies at once", ""};
+    return too_many_bodies();
   return std::nullopt;
 }
 
@@ -209,9 +245,13 @@ std::variant<std::string, BodyError> Exchange::read_zstd(const Route& route, std
     body.append(decoded);
     return std::nullopt;
   };
-  const auto decode = [&](std::string_view encoded) {
+  SharedBytes window(shared_.body_bytes_in_flight);
+  const auto decode = [&](std::string_view encoded) -> std::optional<Problem> {
     record_.bytes_in += encoded.size();
-    return decoder.decode(encoded, keep);
+    if (auto problem = decoder.decode(encoded, keep)) return problem;
+    if (!window.grow_to(decoder.held_bytes(), shared_.options.max_body_bytes_in_flight))
+      return too_many_bodies();
+    return std::nullopt;
   };
   if (auto error = connection_.stream_body(head_, max_bytes, decode)) return std::move(*error);
   if (auto problem = decoder.finish()) return BodyError{std::move(problem)};
@@ -233,23 +273,37 @@ std::optional<Problem> Exchange::check_memory(const Route& route, std::size_t bo
   return Problem{ProblemCode::kOverloaded, "the server's memory is nearly used up", ""};
 }
 
-HttpResponse Exchange::admit_and_handle(const Route& route, const HttpRequest& request) {
-  if (!is_heavy_request(head_)) return handle(route, request);
-  if (!shared_.heavy.try_enter(Clock::now()))
-    return problem_response({ProblemCode::kOverloaded, "too many requests", ""});
-  struct Leave {
-    HeavyLoad& heavy;
-    ~Leave() { heavy.leave(Clock::now()); }
-  } leave{shared_.heavy};
-  return handle(route, request);
+bool Exchange::comes_in_pieces(const Route& route, const HttpRequest& request) const {
+  return route.arrival == BodyArrival::kOnTheWay && head_.framing == BodyFraming::kLength &&
+         head_.content_length >= kBytesInPieces && !is_packed(request) && is_heavy_request(head_);
 }
 
-HttpResponse Exchange::handle(const Route& route, const HttpRequest& request) {
+HttpResponse Exchange::admit_and_handle(const Route& route, HttpRequest& request) {
+  if (!is_heavy_request(head_)) return handle(route, request);
+  if (!place_)
+    if (auto place = shared_.heavy.try_take()) place_.emplace(std::move(*place));
+  if (!place_) {
+    must_close_ = incoming_bytes_ > 0;
+    return problem_response({ProblemCode::kOverloaded, "too many requests", ""});
+  }
+  HttpResponse response = handle(route, request);
+  place_.reset();
+  return response;
+}
+
+HttpResponse Exchange::handle(const Route& route, HttpRequest& request) {
   cancellation_.emplace(started_ + transfer_ + shared_.options.deadline);
-  guard_.emplace(shared_.watch, WatchedRequest{connection_.socket(), &*cancellation_, request.body.size()});
+  guard_.emplace(shared_.watch, WatchedRequest{connection_.socket(), &*cancellation_,
+                                               request.body.size() + incoming_bytes_});
+  BodyOnTheWay incoming(connection_, shared_.heavy, *cancellation_, incoming_bytes_);
+  if (incoming_bytes_ > 0) request.incoming = &incoming;
+  // An unread rest would be taken for the next request, also when the handler throws.
+  must_close_ = incoming_bytes_ > 0;
   HttpResponse response = route.handler(request, *cancellation_);
+  record_.bytes_in += incoming_bytes_ - incoming.bytes_left();
+  must_close_ = incoming.bytes_left() > 0;
   encode_answer(request, response, *cancellation_);
-  client_gone_ = cancellation_->reason() == CancelReason::kDisconnected;
+  client_gone_ = incoming.client_gone() || cancellation_->reason() == CancelReason::kDisconnected;
   return response;
 }
 

@@ -10,6 +10,7 @@
 #include "server/connection.h"
 #include "server/heavy_load.h"
 #include "server/http_server.h"
+#include "server/incoming_body.h"
 #include "server/request_watch.h"
 #include "server/router.h"
 
@@ -28,8 +29,11 @@ struct ExchangeShared {
 /// One request and its answer: checks before the body, the body, the route's handler.
 class Exchange {
  public:
-  Exchange(ExchangeShared shared, Connection& connection, const HttpHead& head, Clock::time_point started)
-      : shared_(shared), connection_(connection), head_(head), started_(started) {
+  /// `place` is that of a heavy request, where it has one already; it is given up as soon as the work is
+  /// done.
+  Exchange(ExchangeShared shared, Connection& connection, const HttpHead& head,
+           std::optional<HeavyLoad::Place>& place)
+      : shared_(shared), connection_(connection), head_(head), place_(place) {
     ++shared_.in_flight;
   }
   ~Exchange() { --shared_.in_flight; }
@@ -63,19 +67,23 @@ class Exchange {
   [[nodiscard]] std::optional<proto::Problem> read_body(const Route& route, HttpRequest& request);
   [[nodiscard]] std::variant<std::string, BodyError> read_zstd(const Route& route, std::size_t max_bytes);
   /// Or refuses what would be too much at once.
-  [[nodiscard]] HttpResponse admit_and_handle(const Route& route, const HttpRequest& request);
-  [[nodiscard]] HttpResponse handle(const Route& route, const HttpRequest& request);
+  [[nodiscard]] HttpResponse admit_and_handle(const Route& route, HttpRequest& request);
+  [[nodiscard]] HttpResponse handle(const Route& route, HttpRequest& request);
+  /// Whether the handler reads the body by itself.
+  [[nodiscard]] bool comes_in_pieces(const Route& route, const HttpRequest& request) const;
 
   ExchangeShared shared_;
   Connection& connection_;
   const HttpHead& head_;
-  Clock::time_point started_;
+  std::optional<HeavyLoad::Place>& place_;
+  const Clock::time_point started_ = connection_.waits_since();
   Clock::duration transfer_{};  ///< spent on reading the body, which has its own deadline
   RequestRecord record_;
   std::string allowed_;
   std::size_t reserved_bytes_ = 0;
   std::optional<Cancellation> cancellation_;  ///< while a handler or a stream is at work
   std::optional<RequestWatch::Guard> guard_;
+  std::size_t incoming_bytes_ = 0;  ///< of a body that the handler reads by itself
   bool must_close_ = false;
   bool client_gone_ = false;
 };

@@ -1,6 +1,6 @@
 // The one file that knows cpp-httplib. Debian's 0.11.4 has known weaknesses in reading requests (unbounded
-// lines and header counts, decompression, ranges, chunk sizes): here it accepts connections and writes
-// answers, and everything it reads was read, checked and rewritten by Connection before.
+// lines and header counts, decompression, ranges, chunk sizes): here it binds the port and writes answers,
+// and everything it reads was read, checked and rewritten by Connection before.
 
 #include "server/http_server.h"
 
@@ -12,6 +12,7 @@
 #include <httplib.h>
 #include <sys/socket.h>
 
+#include "server/accept_loop.h"
 #include "server/exchange.h"
 #include "server/heavy_load.h"
 #include "server/lobby.h"
@@ -29,9 +30,9 @@ constexpr std::chrono::milliseconds kLinger{1};
 // For small requests while all other threads have theirs: probes, and a few rays beside large batches.
 constexpr std::size_t kReservedThreads = 2;
 constexpr std::size_t kMaxQueuedSmall = 64;
-// Of heavy requests, at work or waiting for it: under 80 % of the load that a server bears there are hardly
-// more.
-constexpr std::size_t kHeavyPerCore = 8;
+// Clients that come while the accepting thread waits for a core; the system may hold it to less
+// (net.core.somaxconn). Who finds no place there tries again after a whole second.
+constexpr int kBacklog = 4096;
 
 using TakenHead = std::optional<std::variant<HttpHead, HeadError>>;
 
@@ -69,27 +70,18 @@ class GuardStream final : public httplib::Stream {
 thread_local Exchange* current_exchange = nullptr;
 thread_local bool must_close_after = false;
 
-/// The library hands accepted connections to this, on its accepting thread: they go on to the lobby at once.
-class NoQueue final : public httplib::TaskQueue {
- public:
-  explicit NoQueue(std::function<void()> at_end) : at_end_(std::move(at_end)) {}
-  void enqueue(std::function<void()> enter) override { enter(); }
-  void shutdown() override { at_end_(); }
+enum class After : std::uint8_t { kClose, kKeep };
 
- private:
-  std::function<void()> at_end_;
-};
-
-/// A whole answer for connections that the library never sees.
-std::string plain_answer(const proto::Problem& problem) {
+/// A whole answer for requests that the library never sees.
+std::string plain_answer(const proto::Problem& problem, After after = After::kClose) {
   const HttpResponse response = problem_response(problem);
   std::string text = "HTTP/1.1 " + std::to_string(response.status) + " " +
                      std::string(proto::describe(problem.code).title) + "\r\n";
   for (const auto& [name, value] : response.headers)
     text.append(name).append(": ").append(value).append("\r\n");
   return text + "Content-Type: " + response.content_type +
-         "\r\nContent-Length: " + std::to_string(response.body.size()) + "\r\nConnection: close\r\n\r\n" +
-         response.body;
+         "\r\nContent-Length: " + std::to_string(response.body.size()) +
+         (after == After::kClose ? "\r\nConnection: close" : "") + "\r\n\r\n" + response.body;
 }
 
 }  // namespace
@@ -101,10 +93,10 @@ class HttpServer::Edge final : public httplib::Server {
         options_(std::move(options)),
         observer_(std::move(observer)),
         watch_(options_.memory),
+        heavy_(options_.heavy_requests, options_.heavy_wait),
         pool_(options_.connection_threads, options_.max_queued_connections),
         reserved_(kReservedThreads, kMaxQueuedSmall),
         lobby_(options_.max_waiting_connections, exits()) {
-    new_task_queue = [this] { return new NoQueue([this] { end_serving(); }); };
     // Without SO_REUSEPORT, which the library sets by default and which lets two servers share a port unseen.
     set_socket_options([](socket_t sock) {
       const int yes = 1;
@@ -119,7 +111,11 @@ class HttpServer::Edge final : public httplib::Server {
     });
   }
 
-  ~Edge() override { end_serving(); }
+  ~Edge() override {
+    end_serving();
+    if (const socket_t listening = svr_sock_.exchange(INVALID_SOCKET); listening != INVALID_SOCKET)
+      ::close(listening);
+  }
   Edge(const Edge&) = delete;
   Edge& operator=(const Edge&) = delete;
 
@@ -130,20 +126,22 @@ class HttpServer::Edge final : public httplib::Server {
       return Error{ErrorCode::kIo, "cannot listen on " + options_.host + ":" + std::to_string(options_.port),
                    ""};
     // The library listens with a backlog of 5: too short for a burst of clients.
-    ::listen(svr_sock_, 256);
+    ::listen(svr_sock_, kBacklog);
     return port;
+  }
+
+  /// In place of the library's own loop, which makes four system calls of an accept. Answers what has come
+  /// before it returns.
+  void serve() {
+    accept_connections(svr_sock_, stopping_, [this](int socket) { welcome(socket); });
+    end_serving();
   }
 
   void stop_serving() {
     const std::lock_guard lock(stop_mutex_);
     if (stopping_.exchange(true)) return;
-    // The library's own stop() does nothing before listen_after_bind() runs, and a signal may come that
-    // early.
-    const socket_t listening = svr_sock_.exchange(INVALID_SOCKET);
-    if (listening != INVALID_SOCKET) {
-      ::shutdown(listening, SHUT_RDWR);
-      ::close(listening);
-    }
+    // Closed later: the library cuts the answers under way of a server without a socket.
+    if (const socket_t listening = svr_sock_; listening != INVALID_SOCKET) ::shutdown(listening, SHUT_RDWR);
     drain_ = std::thread([this] {
       const Clock::time_point until = Clock::now() + options_.drain;
       while (in_flight_ > 0 && Clock::now() < until)
@@ -169,13 +167,24 @@ class HttpServer::Edge final : public httplib::Server {
     HttpResponse answer = current_exchange->run();
     response.status = answer.status;
     // The library names a stream's type by itself.
-    if (!answer.content_type.empty() && !answer.stream)
+    if (!answer.content_type.empty() && !answer.stream && answer.in_parts.parts.empty())
       response.set_header("Content-Type", answer.content_type);
     for (const auto& [name, value] : answer.headers) response.set_header(name, value);
     response.body = std::move(answer.body);
     if (answer.stream) stream(response, answer);
+    if (!answer.in_parts.parts.empty()) send_parts(response, answer);
     if (current_exchange->must_close()) must_close_after = true;
     if (must_close_after) response.set_header("Connection", "close");
+  }
+
+  static void send_parts(httplib::Response& response, const HttpResponse& answer) {
+    response.set_content_provider(
+        answer.in_parts.bytes(), answer.content_type,
+        [body = answer.in_parts](std::size_t, std::size_t, httplib::DataSink& sink) {
+          for (const auto& part : body.parts)
+            if (!sink.write(reinterpret_cast<const char*>(part.data()), part.size())) return false;
+          return true;
+        });
   }
 
   /// The whole stream is one call of the library's provider, so the library never cuts it in two.
@@ -201,14 +210,13 @@ class HttpServer::Edge final : public httplib::Server {
     reserved_.shut_down();
   }
 
-  bool process_and_close_socket(socket_t sock) override {
-    const auto connection = std::make_shared<Connection>(sock, options_.connection);
+  void welcome(int socket) {
+    const auto connection = std::make_shared<Connection>(socket, options_.connection);
     // Often the request has come by now, and more so the busier we are.
     if (connection->look() == Arrived::kHead)
       dispatch(connection, connection->take_head());
     else
       lobby_.enter(connection);
-    return true;
   }
 
   Lobby::Exits exits() {
@@ -226,18 +234,27 @@ class HttpServer::Edge final : public httplib::Server {
 
   enum class Lane : std::uint8_t { kAny, kSmall };
 
-  /// To a thread that serves `head`. Small requests go ahead of others where no thread is free.
+  /// A request whose head has come, and its place among the heavy ones, where it is one and has all come.
+  struct Turn {
+    TakenHead head;
+    std::optional<HeavyLoad::Place> place = std::nullopt;
+  };
+
+  /// To a thread that serves `head`, or not. Small requests go ahead of others where no thread is free.
   void dispatch(const std::shared_ptr<Connection>& connection, TakenHead head) {
-    const auto* request = head ? std::get_if<HttpHead>(&*head) : nullptr;
-    const bool is_small = request != nullptr && is_small_request(*request);
-    // Before a thread is woken and the body read: what a refusal costs is taken from those that are served.
-    if (request != nullptr && is_heavy_request(*request) && heavy_.is_full()) {
-      refuse(connection);
+    const auto turn = std::make_shared<Turn>(Turn{std::move(head)});
+    while (!admit(*connection, *turn)) {
+      if (!refuse(connection, std::get_if<HttpHead>(&*turn->head))) return;
+      turn->head = connection->look() == Arrived::kHead ? connection->take_head() : std::nullopt;
+    }
+    if (!turn->head) {
+      lobby_.enter(connection);
       return;
     }
-    const auto taken = std::make_shared<TakenHead>(std::move(head));
+    const auto* request = std::get_if<HttpHead>(&*turn->head);
+    const bool is_small = request != nullptr && is_small_request(*request);
     const auto task_on = [&](Lane lane) -> std::function<void()> {
-      return [this, connection, taken, lane] { serve_connection(connection, std::move(*taken), lane); };
+      return [this, connection, turn, lane] { serve_connection(connection, std::move(*turn), lane); };
     };
     std::function<void()> task = task_on(Lane::kAny);
     if (pool_.try_hand_over(task)) return;
@@ -245,16 +262,33 @@ class HttpServer::Edge final : public httplib::Server {
       std::function<void()> small = task_on(Lane::kSmall);
       if (reserved_.try_enqueue(small)) return;
     }
-    if (!pool_.try_enqueue(task)) refuse(connection);
+    if (!pool_.try_enqueue(task)) refuse(connection, nullptr);
   }
 
-  /// What is still to come of the request is read and thrown away, or the client might lose the answer.
-  void refuse(const std::shared_ptr<Connection>& connection) {
-    const proto::Problem problem{proto::ProblemCode::kOverloaded, "too many requests", ""};
-    connection->write_now(plain_answer(problem));
-    observer_({"", "", problem.status(), 0.0, 0, 0, ""});
+  /// Known before a thread is woken and a body read: what a refusal costs is taken from those that are
+  /// served. A heavy request gets its place here, or many would be let in while the first of them wake. Not
+  /// so one whose body is still to come: its client could hold the place as long as it likes.
+  bool admit(const Connection& connection, Turn& turn) {
+    const auto* request = turn.head ? std::get_if<HttpHead>(&*turn.head) : nullptr;
+    if (turn.place || request == nullptr || !is_heavy_request(*request)) return true;
+    if (!connection.has_body(*request)) return !heavy_.is_full();
+    if (auto place = heavy_.try_take()) turn.place.emplace(std::move(*place));
+    return turn.place.has_value();
+  }
+
+  /// True when the connection goes on, as it does when the whole of `request` has come; null: nobody knows
+  /// how much of it is to come. That is read and thrown away, or the client might lose the answer.
+  bool refuse(const std::shared_ptr<Connection>& connection, const HttpHead* request) {
+    const bool is_whole = request != nullptr && connection->skip_body(*request);
+    const bool goes_on = is_whole && !request->wants_close() && !stopping_ &&
+                         connection->heads_taken() < kRequestsPerConnection;
+    const bool is_told = connection->write_now(goes_on ? kept_refusal_ : last_refusal_);
+    observer_({"", "", too_many_.status(), 0.0, 0, 0, ""});
+    if (goes_on) connection->begin_wait();
+    if (is_whole) return goes_on && is_told;
     connection->begin_close();
     lobby_.enter(connection);
+    return false;
   }
 
   /// Without waiting, on the lobby's thread.
@@ -273,14 +307,21 @@ class HttpServer::Edge final : public httplib::Server {
 
   /// Serves `head`, and what follows it at once; then the connection waits in the lobby. Where others wait
   /// for the thread, what follows takes its turn behind them.
-  void serve_connection(const std::shared_ptr<Connection>& connection, TakenHead head, Lane lane) {
+  void serve_connection(const std::shared_ptr<Connection>& connection, Turn turn, Lane lane) {
+    TakenHead& head = turn.head;
     while (head && !connection->closing()) {
       if (const auto* error = std::get_if<HeadError>(&*head)) {
         answer_error(*connection, *error);
         break;
       }
-      must_close_after = connection->heads_taken() == kRequestsPerConnection;
-      if (!serve_request(*connection, std::get<HttpHead>(*head), connection->waits_since())) return;
+      if (!admit(*connection, turn)) {
+        dispatch(connection, std::move(head));
+        return;
+      }
+      must_close_after = connection->heads_taken() >= kRequestsPerConnection;
+      const bool goes_well = serve_request(*connection, std::get<HttpHead>(*head), turn.place);
+      turn.place.reset();
+      if (!goes_well) return;
       if (connection->closing()) break;
       connection->begin_wait();
       const bool goes_on = lane == Lane::kAny && !pool_.is_behind();
@@ -295,9 +336,8 @@ class HttpServer::Edge final : public httplib::Server {
   }
 
   /// False when the connection is of no more use.
-  bool serve_request(Connection& connection, const HttpHead& head, Clock::time_point started) {
-    Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_, heavy_}, connection, head,
-                      started);
+  bool serve_request(Connection& connection, const HttpHead& head, std::optional<HeavyLoad::Place>& place) {
+    Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_, heavy_}, connection, head, place);
     current_exchange = &exchange;
     must_close_after = must_close_after || head.wants_close() || stopping_;
     // Only what the library needs to answer: no Range, Expect, Accept-Encoding, Content-* or chunked coding.
@@ -320,7 +360,10 @@ class HttpServer::Edge final : public httplib::Server {
   std::atomic<bool> stopping_{false};
   std::mutex stop_mutex_;  ///< guards drain_
   std::thread drain_;
-  HeavyLoad heavy_{kHeavyPerCore * std::max(1U, std::thread::hardware_concurrency())};
+  HeavyLoad heavy_;
+  const proto::Problem too_many_{proto::ProblemCode::kOverloaded, "too many requests", ""};
+  const std::string kept_refusal_ = plain_answer(too_many_, After::kKeep);
+  const std::string last_refusal_ = plain_answer(too_many_, After::kClose);
   WorkerPool pool_, reserved_;
   Lobby lobby_;  // last: it hands to the rest
 };
@@ -338,7 +381,7 @@ Result<int> HttpServer::bind() {
 }
 
 void HttpServer::serve() {
-  edge_->listen_after_bind();
+  edge_->serve();
   edge_->join_drain();
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "proto/limits.h"
 #include "server/connection.h"
 #include "server/http_types.h"
 #include "server/router.h"
@@ -24,6 +25,10 @@ struct HttpServerOptions {
   std::size_t max_queued_connections = 256;  ///< whose request has come; beyond: 503 at once
   /// That have not sent one; beyond, who waits longest is closed.
   std::size_t max_waiting_connections = 512;
+  /// Questions about many rays, at work or waiting for it, that are never too many; beyond, 503 when they
+  /// would take longer than `heavy_wait`.
+  std::size_t heavy_requests = proto::default_heavy_requests();
+  std::chrono::milliseconds heavy_wait{20};
   /// Bodies held in memory at once, all requests together; beyond: 503.
   std::size_t max_body_bytes_in_flight = std::size_t(2) << 30;
   std::chrono::milliseconds deadline{30'000};  ///< of a request's work, the wait in the queue included

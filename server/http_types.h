@@ -3,10 +3,13 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <string_view>
@@ -29,6 +32,23 @@ inline double ms_between(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double, std::milli>(to - from).count();
 }
 
+/// The body of a request while it comes, for routes that take it so (BodyArrival).
+class IncomingBody {
+ public:
+  IncomingBody() = default;
+  virtual ~IncomingBody() = default;
+  IncomingBody(const IncomingBody&) = delete;
+  IncomingBody& operator=(const IncomingBody&) = delete;
+
+  /// Still to come; what was announced, as long as nothing was read.
+  [[nodiscard]] virtual std::size_t bytes_left() const = 0;
+  /// Fills `to` with what comes next, of which there is as much. Where it has to wait for the client it calls
+  /// `before_wait` first, so that whoever waits for nothing has the cores; the deadline of the request stands
+  /// still meanwhile. A problem when no more will come: the answer to the request, if anybody is there.
+  [[nodiscard]] virtual std::optional<proto::Problem> read(std::span<char> to,
+                                                           const std::function<void()>& before_wait) = 0;
+};
+
 struct HttpRequest {
   std::string method;
   std::string path;                             ///< raw, still percent-encoded
@@ -38,6 +58,7 @@ struct HttpRequest {
   std::string body;
   std::string request_id;
   std::shared_ptr<access::Caller> caller = nullptr;  ///< whose token came; null: whoever reaches the port
+  IncomingBody* incoming = nullptr;  ///< when set, the body, of which nothing was read; `body` is empty
 
   [[nodiscard]] std::string header(const std::string& lower_case_name) const {
     const auto found = headers.find(lower_case_name);
@@ -55,12 +76,25 @@ using WritePart = std::function<bool(std::string_view)>;
 /// gone, server stopping); a request's deadline does not hold for it.
 using StreamBody = std::function<void(const Cancellation&, const WritePart&)>;
 
+/// A body in parts that lie where they were made.
+struct BodyParts {
+  std::vector<std::span<const std::byte>> parts;
+  std::shared_ptr<const void> owner;  ///< of what they view
+
+  [[nodiscard]] std::size_t bytes() const {
+    std::size_t sum = 0;
+    for (const auto& part : parts) sum += part.size();
+    return sum;
+  }
+};
+
 struct HttpResponse {
   int status = 200;
   std::string content_type;
   std::string body;
   std::vector<std::pair<std::string, std::string>> headers;
   StreamBody stream = nullptr;  ///< when set, the body; `body` is empty
+  BodyParts in_parts = {};      ///< when there are any, the body; `body` is empty
   /// The same answer in other media types: whoever keeps it may give one of them instead.
   struct Form {
     std::string content_type, body;
@@ -99,6 +133,8 @@ class Cancellation {
     if (sooner < deadline()) deadline_ = sooner.time_since_epoch().count();
   }
   void lift_deadline() { deadline_ = Clock::time_point::max().time_since_epoch().count(); }
+  /// After it was lifted for a while.
+  void set_deadline(Clock::time_point deadline) { deadline_ = deadline.time_since_epoch().count(); }
 
  private:
   std::stop_source source_;

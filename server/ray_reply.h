@@ -2,6 +2,8 @@
 // From the engine's answer about rays to the client's, the same for all routes that trace.
 
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -32,6 +34,15 @@ struct RayReply {
 [[nodiscard]] std::string encode(const HitLists& lists, const proto::ReplyHead& head, ReplyFormat format);
 [[nodiscard]] std::string encode(const HitCounts& counts, const proto::ReplyHead& head, ReplyFormat format);
 
+[[nodiscard]] inline proto::BinaryBody write_binary(std::span<const HitColumns> pieces,
+                                                    const proto::ReplyHead& head) {
+  return write_hits_binary(pieces, head);
+}
+[[nodiscard]] inline proto::BinaryBody write_binary(std::span<const std::vector<RayStatus>> pieces,
+                                                    const proto::ReplyHead& head) {
+  return write_occlusion_binary(pieces, head);
+}
+
 [[nodiscard]] proto::RayPlan plan_of(const scene::TraceStats& traced);
 
 template <class Answer>
@@ -40,6 +51,28 @@ const std::vector<RayStatus>& statuses(const Answer& answer) {
 }
 inline const std::vector<RayStatus>& statuses(const std::vector<RayStatus>& status) {
   return status;
+}
+
+/// `body`, which views what `owner` holds, as a response of status 200: a large one leaves from where it
+/// lies.
+[[nodiscard]] HttpResponse binary_response(proto::BinaryBody body, std::shared_ptr<const void> owner,
+                                           const RayReply& to);
+
+/// The answers of one batch in the pieces that it was traced in, in binary. `traced` is of all of them.
+template <class Answer>
+HttpResponse reply_in_pieces(const RayReply& to, std::vector<Answer> answers, const scene::TraceStats& traced,
+                             double trace_ms) {
+  const auto pieces = std::make_shared<const std::vector<Answer>>(std::move(answers));
+  std::size_t rays = 0;
+  for (const Answer& piece : *pieces) rays += statuses(piece).size();
+  to.api.metrics.count_rays(rays, trace_ms);
+  proto::ReplyHead head{to.version, to.options.fields, std::nullopt};
+  if (to.options.stats == proto::StatsMode::kOn) {
+    head.stats.emplace().trace_ms = trace_ms;
+    for (const Answer& piece : *pieces) *head.stats += proto::count_statuses(statuses(piece), 0.0);
+    head.stats->plan = plan_of(traced);
+  }
+  return binary_response(write_binary(std::span(*pieces), head), pieces, to);
 }
 
 /// `traced` is null where rays are taken as they come; `write(answer, head, format)` makes the body.
@@ -66,5 +99,8 @@ HttpResponse reply(const RayReply& to, const Result<Answer>& answer, const scene
                       return encode(columns, head, format);
                     });
 }
+/// Closest hits in binary are not copied.
+[[nodiscard]] HttpResponse reply(const RayReply& to, Result<HitColumns>&& hits,
+                                 const scene::TraceStats* traced);
 
 }  // namespace gridcast::server

@@ -1,16 +1,14 @@
 #include "server/request_watch.h"
 
-#include <cerrno>
-
-#include <sys/socket.h>
+#include <poll.h>
 
 namespace gridcast::server {
 namespace {
 
+/// Also behind bytes that nobody has read yet.
 bool hung_up(int socket) {
-  char byte = 0;
-  const ssize_t n = ::recv(socket, &byte, 1, MSG_PEEK | MSG_DONTWAIT);
-  return n == 0 || (n < 0 && errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+  pollfd entry{socket, POLLRDHUP, 0};
+  return ::poll(&entry, 1, 0) > 0;
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
@@ -19,12 +20,17 @@ struct AcceptedBody {
 
 using Handler = std::function<HttpResponse(const HttpRequest&, Cancellation&)>;
 
+/// Whether a handler gets bodies whole, or may have to take large ones while they come
+/// (HttpRequest::incoming).
+enum class BodyArrival : std::uint8_t { kWhole, kOnTheWay };
+
 struct Route {
   std::string method;  ///< GET also answers HEAD
   /// "/v1/scenes/{s}": a name in braces captures the segment; "{s}:fork" what stands before the end given.
   std::string pattern;
   std::vector<AcceptedBody> accepts;  ///< none: the route takes no body
   Handler handler;
+  BodyArrival arrival = BodyArrival::kWhole;
 };
 
 /// Finds the route of a request. Patterns are few and short: a linear search is enough.

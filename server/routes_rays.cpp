@@ -4,6 +4,7 @@
 #include "proto/ray_request.h"
 #include "server/access/caller.h"
 #include "server/api.h"
+#include "server/ray_pieces.h"
 #include "server/ray_reply.h"
 #include "server/small_request.h"
 
@@ -50,13 +51,13 @@ HttpResponse answer_all(const Cast& cast) {
   return reply(to(cast), intersect_all(cast.scene, cast.rays.batch(), options), nullptr);
 }
 
-HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cancellation,
-                       RayQuestion question) {
+HttpResponse cast_whole(Api& api, const HttpRequest& request, const std::string& body,
+                        Cancellation& cancellation, RayQuestion question) {
   Timing timing;
   auto opened = open_scene(api, request);
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
-  auto rays = proto::parse_ray_request(request.header("content-type"), request.body, request.query,
-                                       api.limits, question);
+  auto rays =
+      proto::parse_ray_request(request.header("content-type"), body, request.query, api.limits, question);
   if (!rays) return problem_response(rays.problem());
   const auto format = reply_format(request);
   if (!format) return not_acceptable();
@@ -66,7 +67,7 @@ HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cance
     return problem_response(*problem);
   timing.mark("parse");
   // A few rays wait for nobody: beside large batches that would take longer than they do.
-  const bool is_small = question != RayQuestion::kAll && request.body.size() <= kSmallBodyBytes;
+  const bool is_small = question != RayQuestion::kAll && body.size() <= kSmallBodyBytes;
   const auto permit = is_small ? api.gate.try_enter() : api.gate.enter(cancellation.token());
   if (!is_small && !permit) return problem_response(cancelled_problem(cancellation.reason()));
   timing.mark("wait");
@@ -80,15 +81,25 @@ HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cance
   return answer_traced(cast, question);
 }
 
+HttpResponse cast_rays(Api& api, const HttpRequest& request, Cancellation& cancellation,
+                       RayQuestion question) {
+  if (request.incoming == nullptr) return cast_whole(api, request, request.body, cancellation, question);
+  std::string body;
+  if (auto answer = cast_in_pieces(api, request, cancellation, question, body)) return std::move(*answer);
+  if (const auto problem = read_rest(*request.incoming, body)) return problem_response(*problem);
+  return cast_whole(api, request, body, cancellation, question);
+}
+
 }  // namespace
 
 void add_ray_routes(Router& router, Api& api) {
   const std::vector<AcceptedBody> bodies{{std::string(proto::kJsonMediaType), api.limits.json_bytes},
                                          {std::string(proto::kRaysMediaType), api.limits.binary_bytes}};
   const auto add = [&](const char* path, RayQuestion question) {
-    router.add({"POST", path, bodies, [&api, question](const HttpRequest& r, Cancellation& c) {
-                  return cast_rays(api, r, c, question);
-                }});
+    router.add(
+        {"POST", path, bodies,
+         [&api, question](const HttpRequest& r, Cancellation& c) { return cast_rays(api, r, c, question); },
+         BodyArrival::kOnTheWay});
   };
   add("/v1/scenes/{s}/rays/closest", RayQuestion::kClosest);
   add("/v1/scenes/{s}/rays/any", RayQuestion::kAny);

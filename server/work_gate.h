@@ -57,13 +57,17 @@ class WorkGate {
   /// Waits for a place; nothing when `stop` came first.
   [[nodiscard]] std::optional<Permit> enter(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
-    const std::uint64_t ticket = next_ticket_++;
-    const auto place = waiting_.insert(waiting_.end(), ticket);
-    const bool entered = changed_.wait(lock, stop, [&] { return free_ > 0 && waiting_.front() == ticket; });
+    if (free_ > 0 && waiting_.empty()) {
+      take_place();
+      return Permit(this);
+    }
+    Waiting self;
+    const auto place = waiting_.insert(waiting_.end(), &self);
+    const bool entered = self.called.wait(lock, stop, [&] { return free_ > 0 && waiting_.front() == &self; });
     waiting_.erase(place);
     if (entered) take_place();
     // Whoever is first now may have waited for this one alone.
-    changed_.notify_all();
+    call_first();
     if (!entered) return std::nullopt;
     return Permit(this);
   }
@@ -75,18 +79,23 @@ class WorkGate {
   }
 
   void leave() {
-    {
-      const std::lock_guard lock(mutex_);
-      ++free_;
-      ++counts_.left;
-    }
-    changed_.notify_all();
+    const std::lock_guard lock(mutex_);
+    ++free_;
+    ++counts_.left;
+    call_first();
   }
 
+  /// Under mutex_. Nobody else is woken: with many who wait that would take longer than the work.
+  void call_first() {
+    if (free_ > 0 && !waiting_.empty()) waiting_.front()->called.notify_all();
+  }
+
+  struct Waiting {
+    std::condition_variable_any called;
+  };
+
   mutable std::mutex mutex_;
-  std::condition_variable_any changed_;
-  std::list<std::uint64_t> waiting_;  ///< tickets, in order
-  std::uint64_t next_ticket_ = 0;
+  std::list<Waiting*> waiting_;  ///< in order
   std::size_t free_;
   Counts counts_;
 };

@@ -40,7 +40,7 @@ struct LatencyRow {
 
 /// Small batches, as fast as they are answered (`peak`) or at moments that do not wait for answers.
 struct LoadRow {
-  std::string scene, phase;  ///< peak, steady (0.8 of the peak), double, tenfold
+  std::string scene, phase;  ///< peak, steady (0.8 of the peak), whole, double, tenfold
   std::size_t threads = 1;
   std::uint64_t rays = 0;  ///< of a batch
   std::size_t repeat = 0;

@@ -87,7 +87,7 @@ def test_a_crowd_is_posed_while_clients_cast(report):
 def test_a_server_is_loaded_until_it_refuses(report):
     read = report(*TINY[:-1], "0.5", "--section", "load", "--threads", "2")
     assert values(read["json_batches"], "scene") == {"S1"} == values(read["load"], "scene"), "what it takes by itself"
-    assert [row["phase"] for row in read["load"]] == ["peak", "steady", "double", "tenfold"]
+    assert [row["phase"] for row in read["load"]] == ["peak", "steady", "whole", "double", "tenfold"]
     assert all(row["offered_per_s"] > 0 and row["rays"] == 128 * 96 for row in read["load"]), read["load"]
     assert read["load"][0]["goodput_per_s"] > 0
     rows = {(row["what"], row["beside"]): row for row in read["latency"]}

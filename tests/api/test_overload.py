@@ -1,17 +1,21 @@
 """More than a server can do: what it takes is answered, the rest is refused at once and told so. Counted, never timed."""
 
-import os
+import http.client
+import json
 import threading
 import time
 
 import models
 
-CORES = len(os.sched_getaffinity(0))
-ALWAYS_TAKEN = 5 * CORES  # of heavy questions; server/http_server.cpp
+
+def always_taken(server):
+    """Of heavy questions."""
+    return server.client.get("/v1").json()["limits"]["heavy_requests"]
 
 
 def test_heavy_questions_beyond_some_for_each_core_are_refused_and_small_ones_are_not(start_server):
     server = start_server()
+    taken = always_taken(server)
     scene = server.client.load(models.glb([models.sphere()], [{"mesh": 0}]), structure="brute_force")
     rays, replies, stop = models.random_rays(1000, reach=3.0), [], threading.Event()
     lock = threading.Lock()
@@ -25,7 +29,7 @@ def test_heavy_questions_beyond_some_for_each_core_are_refused_and_small_ones_ar
             if enough:
                 stop.set()
 
-    clients = [threading.Thread(target=ask) for _ in range(ALWAYS_TAKEN + 10)]
+    clients = [threading.Thread(target=ask) for _ in range(taken + 10)]
     for client in clients:
         client.start()
     small = models.rays_down([[0, 0]])
@@ -41,7 +45,7 @@ def test_heavy_questions_beyond_some_for_each_core_are_refused_and_small_ones_ar
     answered = [reply for reply in replies if reply.status == 200]
     assert len(refused) + len(answered) == len(replies)
     assert len(refused) >= 20
-    assert len(answered) >= ALWAYS_TAKEN, "so many are never too many"
+    assert len(answered) >= taken, "so many are never too many"
     assert len({reply.body for reply in answered}) == 1
     for reply in refused:
         assert int(reply.headers["retry-after"]) >= 1 and reply.json()["code"] == "overloaded"
@@ -57,9 +61,37 @@ def test_a_few_clients_with_large_batches_are_all_answered(start_server):
     def ask():
         statuses.extend(scene.cast(rays).status for _ in range(3))
 
-    clients = [threading.Thread(target=ask) for _ in range(ALWAYS_TAKEN // 2)]
+    clients = [threading.Thread(target=ask) for _ in range(always_taken(server) // 2)]
     for client in clients:
         client.start()
     for client in clients:
         client.join()
     assert statuses == [200] * (3 * len(clients))
+
+
+def test_a_refused_question_does_not_cost_the_connection(start_server):
+    """Its client need not open another: a sensor's question is there whole when it is refused."""
+    server = start_server("--max-heavy-requests", "1", "--heavy-wait-ms", "1")
+    scene = server.client.load(models.glb([models.sphere()], [{"mesh": 0}]), structure="brute_force")
+    body = json.dumps({"type": "pinhole", "pose": {"eye": [0, 0, 4], "target": [0, 0, 0]}, "width_px": 64,
+                       "height_px": 64}).encode()
+    statuses = []
+
+    def ask():
+        connection = http.client.HTTPConnection(f"127.0.0.1:{server.port}", timeout=60)
+        connection.connect()
+        socket = connection.sock
+        for _ in range(20):
+            connection.request("POST", scene.path + "/sensors", body, {"Content-Type": "application/json"})
+            reply = connection.getresponse()
+            reply.read()
+            assert connection.sock is socket, "it is kept"
+            statuses.append(reply.status)
+        connection.close()
+
+    clients = [threading.Thread(target=ask) for _ in range(8)]
+    for client in clients:
+        client.start()
+    for client in clients:
+        client.join()
+    assert len(statuses) == 160 and set(statuses) == {200, 503}

@@ -5,9 +5,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import zstandard
 
 import models
-from gridcast_client import HITS, JSON, RAYS, json_columns
+from gridcast_client import HITS, JSON, RAYS, json_columns, read_columns
 
 MISS, HIT, INVALID = 0, 1, 4
 NONE = 0xFFFFFFFF
@@ -264,6 +265,56 @@ def test_a_large_batch_goes_through(load):
     assert columns["status"].shape == (500_000,)
     few = scene.cast(rays[:1000], fields="instance_id").columns()
     assert few["t"].tobytes() == columns["t"][:1000].tobytes()
+
+
+LARGE = 200_001  # rows of 24 bytes: beyond what comes whole, and no multiple of a piece
+
+
+def in_halves(scene, rays, **query):
+    """The same rays in batches that are small enough to come whole."""
+    parts = [scene.cast(rays[i:i + 100_000], **query).columns() for i in range(0, len(rays), 100_000)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_a_batch_that_is_traced_while_it_comes_has_the_same_bits(spheres, shuffled):
+    rays = models.random_rays(LARGE, dtype="<f4")
+    if not shuffled:  # neighbours side by side
+        rays = np.repeat(rays[:LARGE // 1000 + 1], 1000, axis=0)[:LARGE]
+    reply = spheres.cast(rays, stats="true")
+    got, want = reply.columns(), in_halves(spheres, rays)
+    assert (got["status"] == HIT).sum() > 1000, "the rays meet something"
+    for name in want:
+        assert got[name].tobytes() == want[name].tobytes(), name
+    stats = read_columns(reply.body)[1]
+    assert int(stats["rays"]) == LARGE and int(stats["hits"]) == (got["status"] == HIT).sum()
+    assert (stats["order"] == "as_given") != shuffled
+    assert ("receive" in reply.headers["server-timing"]) != shuffled
+    any_hit = spheres.cast(rays, "any").columns()["status"]
+    assert (any_hit == got["status"]).all()
+
+
+def test_a_large_batch_is_answered_in_every_form(spheres, server):
+    rays = np.repeat(models.random_rays(201, dtype="<f4"), 1000, axis=0)
+    plain = spheres.cast(rays)
+    kind = f"{RAYS}; dtype=float32; columns=6"
+    text = spheres.post("/rays/closest?fields=mesh_id", rays.tobytes(), kind, accept=JSON).json()
+    assert len(text["t"]) == len(rays)
+    assert [t is None for t in text["t"]] == (plain.columns()["status"] != HIT).tolist()
+    packed = spheres.post("/rays/closest", rays.tobytes(), kind, accept=HITS, headers={"Accept-Encoding": "zstd"})
+    assert zstandard.ZstdDecompressor().decompressobj().decompress(packed.body) == plain.body
+    counts = spheres.post("/rays/count", rays.tobytes(), kind, accept=JSON)
+    assert counts.status == 200
+
+
+def test_a_large_batch_with_a_fault_gets_its_problem_and_the_connection_goes_on(spheres, client):
+    rays = models.random_rays(LARGE, dtype="<f4").tobytes()
+    kind = f"{RAYS}; dtype=float32; columns=6"
+    assert spheres.post("/rays/closest", rays[:-1], kind).status == 422
+    assert spheres.post("/rays/closest?precision=best", rays, kind).status == 422
+    assert client.post("/v1/scenes/nowhere/rays/closest", rays, kind).status == 404
+    assert spheres.post("/rays/closest", rays, f"{RAYS}; dtype=half").status == 415
+
 
 
 @pytest.mark.parametrize("query, pointer", [({"precision": "exactly"}, "?precision"), ({"fields": "depth"}, "?fields"),

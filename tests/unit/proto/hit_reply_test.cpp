@@ -45,6 +45,39 @@ TEST(HitReply, t_error_is_a_column_when_asked_for_and_null_where_infinite) {
   EXPECT_FALSE(has(HitField::kAll, HitField::kTError));
 }
 
+TEST(HitReply, pieces_are_written_like_the_whole) {
+  for (const HitField fields : {HitField::kAll, HitField::kAll | HitField::kTError, HitField::kMeshId}) {
+    HitColumns whole;
+    whole.resize(21, fields);
+    std::vector<HitColumns> pieces(3);
+    for (std::size_t p = 0; p < 3; ++p) pieces[p].resize(p < 2 ? 8 : 5, fields);
+    for (std::size_t i = 0; i < 21; ++i) {
+      const double x = 0.1 * double(i);
+      const SurfaceHit hit{RayStatus::kHit, x, 0.2, x, {x, 0.0, 1.0}, std::uint32_t(i), 1, 7, x};
+      whole.set(i, hit);
+      pieces[i / 8].set(i % 8, hit);
+    }
+    EXPECT_EQ(write_hits_binary(pieces, {7, fields, {}}).to_string(),
+              write_hits_binary(whole, {7, fields, {}}).to_string());
+  }
+  const std::vector<RayStatus> whole(19, RayStatus::kHit);
+  const std::vector<std::vector<RayStatus>> pieces{{whole.begin(), whole.begin() + 16},
+                                                   {whole.begin() + 16, whole.end()}};
+  EXPECT_EQ(write_occlusion_binary(pieces, {7, HitField::kAll, {}}).to_string(),
+            write_occlusion_binary(whole, {7, HitField::kAll, {}}).to_string());
+}
+
+TEST(HitReply, counts_of_parts_add_up) {
+  const std::vector<RayStatus> status{RayStatus::kHit, RayStatus::kMiss, RayStatus::kInvalid, RayStatus::kHit};
+  RayStats sum = count_statuses(std::span(status).first(1), 1.0);
+  sum += count_statuses(std::span(status).subspan(1), 2.0);
+  EXPECT_EQ(sum.rays, 4U);
+  EXPECT_EQ(sum.hits, 2U);
+  EXPECT_EQ(sum.misses, 1U);
+  EXPECT_EQ(sum.invalid, 1U);
+  EXPECT_EQ(sum.trace_ms, 3.0);
+}
+
 TEST(HitReply, no_rays_give_empty_columns) {
   HitColumns hits;
   hits.resize(0, HitField::kMeshId);

@@ -200,5 +200,25 @@ TEST(RayRequest, doubles_survive_json_bit_for_bit) {
   }
 }
 
+TEST(AnnouncedRays, are_known_but_for_the_rays_when_nothing_is_wrong) {
+  const auto announced = [](const std::string& type, std::size_t bytes, const QueryParameters& query = {},
+                            RayQuestion question = RayQuestion::kClosest) {
+    return announced_rays(type, bytes, query, Limits{}, question);
+  };
+  const auto rays = announced(kBinary + "; dtype=float64; columns=8", 640, {{"precision", "fast"}});
+  ASSERT_TRUE(rays);
+  EXPECT_EQ(rays->scalar, ScalarType::kFloat64);
+  EXPECT_EQ(rays->columns, 8U);
+  EXPECT_EQ(rays->options.precision, Precision::kFast);
+  EXPECT_TRUE(announced(kBinary + "; exclude=none", 24));
+  EXPECT_FALSE(announced("application/json", 640));
+  EXPECT_FALSE(announced(kBinary + "; exclude=ids", 32)) << "ids come before the rows";
+  EXPECT_FALSE(announced(kBinary, 25)) << "no whole rows";
+  EXPECT_FALSE(announced(kBinary + "; dtype=half", 24));
+  EXPECT_FALSE(announced(kBinary, 24 * (Limits{}.binary_rays + 1)));
+  EXPECT_FALSE(announced(kBinary, 24, {{"precision", "best"}}));
+  EXPECT_FALSE(announced(kBinary, 24, {{"max_hits", "1"}})) << "not asked of these";
+}
+
 }  // namespace
 }  // namespace gridcast::proto

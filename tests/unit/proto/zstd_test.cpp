@@ -188,5 +188,18 @@ TEST(Zstd, packing_stops_when_it_is_told_to) {
   EXPECT_FALSE(encode_zstd("body", source.get_token()));
 }
 
+TEST(Zstd, what_a_decoder_holds_follows_the_windows_of_the_frames) {
+  const auto held = [](int log) {
+    ZstdDecoder decoder(std::size_t(64) << 20);
+    // A frame of unknown size with a window, one byte repeated.
+    const std::string frame = kMagic + '\0' + window(log) + block_header(1, kBlock, false) + "x";
+    EXPECT_FALSE(decoder.decode(frame, [](std::string_view) { return std::optional<Problem>(); }));
+    return decoder.held_bytes();
+  };
+  EXPECT_LT(held(10), std::size_t(1) << 20);
+  EXPECT_GE(held(kZstdWindowLog), std::size_t(1) << kZstdWindowLog);
+  EXPECT_LT(held(kZstdWindowLog), (std::size_t(1) << kZstdWindowLog) + (std::size_t(1) << 20));
+}
+
 }  // namespace
 }  // namespace gridcast::proto
