@@ -20,6 +20,8 @@ constexpr std::size_t kReceiveBytes = std::size_t(256) << 10;
 // A chunk's size in hexadecimal digits and its extensions; trailers are bounded the same way.
 constexpr std::size_t kMaxChunkLine = 256;
 constexpr std::chrono::milliseconds kDrain{500};
+// Of an unwanted body, rather than closing its connection.
+constexpr std::size_t kMostSkipped = std::size_t(64) << 10;
 constexpr std::string_view kHeadEnd = "\r\n\r\n";
 
 /// True when `socket` is ready for `events` before `until`.
@@ -82,9 +84,12 @@ Arrived Connection::look() {
   const ssize_t n = ::recv(socket_, piece.data(), piece.size(), MSG_DONTWAIT);
   if (n < 0 && (errno == EAGAIN || errno == EINTR)) return Arrived::kNotYet;
   if (n <= 0) return Arrived::kEnd;
+  const std::size_t skipped = std::min(to_skip_, std::size_t(n));
+  to_skip_ -= skipped;
+  if (skipped == std::size_t(n)) return Arrived::kNotYet;
   if (buffer_.empty()) waits_since_ = Clock::now();
   const std::size_t seen = buffer_.size();
-  buffer_.append(piece.data(), std::size_t(n));
+  buffer_.append(piece.data() + skipped, std::size_t(n) - skipped);
   head_end_ = buffer_.find(kHeadEnd, seen < 3 ? 0 : seen - 3);
   return head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes ? Arrived::kHead : Arrived::kNotYet;
 }
@@ -156,8 +161,13 @@ bool Connection::has_body(const HttpHead& head) const {
 }
 
 bool Connection::skip_body(const HttpHead& head) {
-  if (!has_body(head)) return false;
-  if (head.framing == BodyFraming::kLength) buffer_.erase(0, head.content_length);
+  const std::size_t here = std::min<std::size_t>(head.content_length, buffer_.size());
+  const std::size_t to_come = head.content_length - here;
+  // Who expects a 100 first may leave the body out.
+  if (head.framing == BodyFraming::kChunked || to_come > kMostSkipped || (to_come > 0 && head.find("expect")))
+    return false;
+  buffer_.erase(0, here);
+  to_skip_ = to_come;
   return true;
 }
 

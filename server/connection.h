@@ -75,7 +75,8 @@ class Connection {
 
   /// Whether the whole body that `head` announces has come.
   [[nodiscard]] bool has_body(const HttpHead& head) const;
-  /// Drops the body that `head` announces; false, and nothing is dropped, when not all of it has come.
+  /// Drops the body that `head` announces, what is still to come of it as well; false, and nothing is
+  /// dropped, when that may be much or never come.
   [[nodiscard]] bool skip_body(const HttpHead& head);
 
   /// False when the client is gone or too slow.
@@ -107,6 +108,7 @@ class Connection {
   std::string buffer_;                        ///< received, not yet consumed
   std::size_t head_end_ = std::string::npos;  ///< of the empty line in buffer_
   std::size_t heads_taken_ = 0;
+  std::size_t to_skip_ = 0;  ///< of what comes next: a body that nobody wants
   bool draining_ = false;
   Clock::time_point waits_since_ = Clock::now();
   Clock::time_point body_deadline_;

@@ -276,16 +276,18 @@ class HttpServer::Edge final : public httplib::Server {
     return turn.place.has_value();
   }
 
-  /// True when the connection goes on, as it does when the whole of `request` has come; null: nobody knows
-  /// how much of it is to come. That is read and thrown away, or the client might lose the answer.
+  /// True when the connection goes on, as it does where what is still to come of `request` is known and not
+  /// much. Null: nobody knows. Then it is read and thrown away for a while, or the client might lose the
+  /// answer.
   bool refuse(const std::shared_ptr<Connection>& connection, const HttpHead* request) {
-    const bool is_whole = request != nullptr && connection->skip_body(*request);
-    const bool goes_on = is_whole && !request->wants_close() && !stopping_ &&
-                         connection->heads_taken() < kRequestsPerConnection;
+    const bool is_whole = request != nullptr && connection->has_body(*request);
+    const bool goes_on = request != nullptr && !request->wants_close() && !stopping_ &&
+                         connection->heads_taken() < kRequestsPerConnection &&
+                         connection->skip_body(*request);
     const bool is_told = connection->write_now(goes_on ? kept_refusal_ : last_refusal_);
     observer_({"", "", too_many_.status(), 0.0, 0, 0, ""});
     if (goes_on) connection->begin_wait();
-    if (is_whole) return goes_on && is_told;
+    if (goes_on || is_whole) return goes_on && is_told;
     connection->begin_close();
     lobby_.enter(connection);
     return false;

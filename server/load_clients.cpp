@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <deque>
 #include <memory>
 #include <random>
 #include <string_view>
@@ -27,6 +28,8 @@ using measure::now_s;
 
 constexpr double kLongestWaitForLast = 1.0;
 constexpr std::string_view kEndOfHead = "\r\n\r\n";
+// In a closed loop; who asks again at once measures refusals.
+constexpr double kRestWhenRefused = 0.01;
 
 enum class Keeps : std::uint8_t { kOpen, kClosed };
 
@@ -79,10 +82,11 @@ class LoadClients {
     double due = begin + gap();
     for (double now = begin; now < end_ && !plan_.stop.stop_requested(); now = now_s(ClockKind::kWall)) {
       if (plan_.in_flight > 0)
-        while (at_work_ < plan_.in_flight && launch(Keeps::kOpen, now)) continue;
+        while (at_work_ + resting(now) < plan_.in_flight && launch(Keeps::kOpen, now)) continue;
       else
         due = launch_due(due, now);
-      take_events((plan_.in_flight > 0 ? end_ : std::min(due, end_)) - now_s(ClockKind::kWall));
+      const double next = plan_.in_flight > 0 ? (rests_.empty() ? end_ : rests_.front()) : due;
+      take_events(std::min(next, end_) - now_s(ClockKind::kWall));
     }
     out_.seconds = now_s(ClockKind::kWall) - begin;
     const double last = now_s(ClockKind::kWall) + kLongestWaitForLast;
@@ -106,6 +110,12 @@ class LoadClients {
       if (!launch(keeps, now_s(ClockKind::kWall))) ++out_.not_sent;
     }
     return due;
+  }
+
+  /// Clients of the closed loop that were refused a moment ago.
+  std::size_t resting(double now) {
+    while (!rests_.empty() && rests_.front() <= now) rests_.pop_front();
+    return rests_.size();
   }
 
   bool launch(Keeps keeps, double now) {
@@ -240,6 +250,7 @@ class LoadClients {
       if (now <= end_) ++out_.accepted_in_time;
     } else if (connection.status == 503 || connection.status == 429) {
       out_.refused_ms.push_back(ms);
+      if (plan_.in_flight > 0) rests_.push_back(now + kRestWhenRefused);
     } else {
       ++out_.failed;
     }
@@ -255,7 +266,8 @@ class LoadClients {
   const int epoll_;
   std::string kept_request_, last_request_;
   std::unordered_map<int, ClientConnection> connections_;
-  std::vector<int> idle_;  ///< kept connections without a request
+  std::vector<int> idle_;     ///< kept connections without a request
+  std::deque<double> rests_;  ///< until when
   std::size_t at_work_ = 0, launched_ = 0;
   double end_ = 0.0;
   std::array<char, std::size_t(256) << 10> piece_{};

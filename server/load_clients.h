@@ -17,8 +17,9 @@ struct LoadPlan {
   int port = 0;
   std::string head;  ///< of a request, without its last lines
   std::span<const std::byte> body;
-  std::size_t in_flight = 0;  ///< closed loop: so many requests at every moment; 0: open loop
-  double per_s = 0.0;         ///< open loop: requests a second, at the moments of a Poisson process
+  /// Closed loop: so many requests at every moment, but for 10 ms after each refusal; 0: open loop.
+  std::size_t in_flight = 0;
+  double per_s = 0.0;  ///< open loop: requests a second, at the moments of a Poisson process
   double seconds = 1.0;
   std::size_t most_connections = 2000;  ///< a request for which none is left is not sent
   std::uint64_t seed = 1;

@@ -46,7 +46,8 @@ class PieceByPiece {
   }
 
   /// `piece` holds the first rays and is overwritten by those that follow.
-  HttpResponse run(std::string& piece) {
+  HttpResponse run(std::string& piece, double receive_ms) {
+    receive_ms_ = receive_ms;
     while (true) {
       if (const auto problem = trace_piece(std::as_bytes(std::span(piece))))
         return problem_response(*problem);
@@ -114,19 +115,21 @@ std::optional<HttpResponse> cast_in_pieces(Api& api, const HttpRequest& request,
     return std::nullopt;
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
   const std::size_t row_bytes = rays->columns * size_bytes(rays->scalar);
+  timing.mark("parse");
+  const Clock::time_point before = Clock::now();
   begun.resize(std::min(bytes, kRaysPerPiece * row_bytes));
   if (const auto problem = incoming.read(begun, [] {})) return problem_response(*problem);
+  const double receive_ms = ms_between(before, Clock::now());
   if (!comes_in_order(scene, {std::as_bytes(std::span(begun)), rays->scalar, rays->columns, {}}))
     return std::nullopt;
   if (rays->options.deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*rays->options.deadline_ms));
   if (const auto problem = access::charge_rays(request, double(bytes / row_bytes)))
     return problem_response(*problem);
-  timing.mark("parse");
   const RayReply to{api, scene.version(), rays->options, ReplyFormat::kBinary, cancellation, timing};
   if (question == RayQuestion::kAny)
-    return PieceByPiece<std::vector<RayStatus>>(to, scene, *rays, incoming).run(begun);
-  return PieceByPiece<HitColumns>(to, scene, *rays, incoming).run(begun);
+    return PieceByPiece<std::vector<RayStatus>>(to, scene, *rays, incoming).run(begun, receive_ms);
+  return PieceByPiece<HitColumns>(to, scene, *rays, incoming).run(begun, receive_ms);
 }
 
 std::optional<Problem> read_rest(IncomingBody& incoming, std::string& body) {

@@ -68,7 +68,8 @@ TEST(HitReply, pieces_are_written_like_the_whole) {
 }
 
 TEST(HitReply, counts_of_parts_add_up) {
-  const std::vector<RayStatus> status{RayStatus::kHit, RayStatus::kMiss, RayStatus::kInvalid, RayStatus::kHit};
+  const std::vector<RayStatus> status{RayStatus::kHit, RayStatus::kMiss, RayStatus::kInvalid,
+                                      RayStatus::kHit};
   RayStats sum = count_statuses(std::span(status).first(1), 1.0);
   sum += count_statuses(std::span(status).subspan(1), 2.0);
   EXPECT_EQ(sum.rays, 4U);
