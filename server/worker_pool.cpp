@@ -4,7 +4,9 @@
 
 namespace gridcast::server {
 
-WorkerPool::WorkerPool(std::size_t threads, std::size_t max_queued) : max_queued_(max_queued) {
+// A thread that has not begun yet is as good as one that waits.
+WorkerPool::WorkerPool(std::size_t threads, std::size_t max_queued)
+    : max_queued_(max_queued), idle_(threads) {
   threads_.reserve(threads);
   for (std::size_t i = 0; i < threads; ++i) threads_.emplace_back([this] { run(); });
 }
@@ -49,16 +51,16 @@ void WorkerPool::shut_down() {
 void WorkerPool::run() {
   std::unique_lock lock(mutex_);
   while (true) {
-    ++idle_;
     changed_.wait(lock, [this] { return ending_ || !tasks_.empty(); });
-    --idle_;
     if (tasks_.empty()) return;
+    --idle_;
     std::function<void()> task = std::move(tasks_.front());
     tasks_.pop_front();
     lock.unlock();
     task();
     task = nullptr;
     lock.lock();
+    ++idle_;
   }
 }
 

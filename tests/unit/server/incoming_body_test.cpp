@@ -51,7 +51,7 @@ TEST(Pieces, who_sends_slowly_is_no_load) {
   }
   EXPECT_TRUE(has(answer, "came")) << answer;
   EXPECT_EQ(server.in_flight(), 1U);
-  slow.send("x" + get("/other"));
+  slow.send("x").send(get("/other"));
   answer = slow.read_all();
   EXPECT_TRUE(has(answer, "5000000 in time")) << answer;
 }
@@ -67,8 +67,9 @@ TEST(PackedBodies, their_windows_count_among_the_bodies) {
   FewThreads server(100, 1000, std::size_t(1) << 20);
   // A zstd frame of a window of 1 KiB or of 8 MiB, and "hello" as it is in its one block.
   for (const auto& [window, status] : {std::pair('\0', " 200 "), std::pair('\x68', " 503 ")}) {
-    const std::string frame =
-        std::string("\x28\xB5\x2F\xFD\0", 5) + window + std::string("\x29\0\0", 3) + "hello";
+    std::string frame("\x28\xB5\x2F\xFD\0", 5);
+    frame.push_back(window);
+    frame.append("\x29\0\0hello", 8);
     const std::string answer =
         Client(server.port())
             .send(
