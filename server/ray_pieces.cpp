@@ -13,8 +13,7 @@ namespace {
 using proto::Problem;
 using proto::RayQuestion;
 
-// Some milliseconds of work; 2 MB of rows that stay in the caches between the socket and the trace. A
-// multiple of 8, see write_hits_binary().
+// Some milliseconds of work; 2 MB of rows that stay in the caches between the socket and the trace.
 constexpr std::size_t kRaysPerPiece = std::size_t(1) << 16;
 
 /// Which way the batch is traced, by a look at its first rays: sorting goes over all of them.
@@ -124,8 +123,8 @@ std::optional<HttpResponse> cast_in_pieces(Api& api, const HttpRequest& request,
     return std::nullopt;
   if (rays->options.deadline_ms)
     cancellation.stop_within(std::chrono::duration<double, std::milli>(*rays->options.deadline_ms));
-  if (const auto problem = access::charge_rays(request, double(bytes / row_bytes)))
-    return problem_response(*problem);
+  const std::size_t count = bytes / row_bytes;
+  if (const auto problem = access::charge_rays(request, double(count))) return problem_response(*problem);
   const RayReply to{api, scene.version(), rays->options, ReplyFormat::kBinary, cancellation, timing};
   if (question == RayQuestion::kAny)
     return PieceByPiece<std::vector<RayStatus>>(to, scene, *rays, incoming).run(begun, receive_ms);

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include "server/http_server.h"
@@ -27,6 +28,8 @@ class Client {
     address.sin_family = AF_INET;
     address.sin_port = htons(std::uint16_t(port));
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    const timeval longest{20, 0};
+    ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &longest, sizeof(longest));
     EXPECT_EQ(::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
   }
   ~Client() { ::close(socket_); }
@@ -40,7 +43,7 @@ class Client {
     EXPECT_EQ(::send(socket_, text.data(), text.size(), MSG_NOSIGNAL), ssize_t(text.size()));
     return *this;
   }
-  /// Everything until the server closes; "cut" at its end when it does so with a reset.
+  /// Everything until the server closes; "cut" at its end when it does so with a reset, or says nothing.
   std::string read_all() {
     std::string text;
     char piece[4096];

@@ -23,6 +23,21 @@ TEST(Refusal, a_connection_whose_whole_request_came_goes_on) {
   EXPECT_TRUE(has(held.read_all(), "came"));
 }
 
+TEST(Refusal, it_needs_no_thread) {
+  FewThreads server(100, 1);
+  Client held(server.port()), other(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  other.send(get("/hold"));
+  while (server.started() < 2) std::this_thread::yield();
+  // A thread would come to it after the server has been let go.
+  for (int i = 0; i < 5; ++i)
+    EXPECT_TRUE(
+        has(Client(server.port()).send(ask_sensor("Connection: close\r\n")).read_all(), "HTTP/1.1 503"));
+  EXPECT_EQ(server.in_flight(), 2U);
+  server.release();
+  EXPECT_TRUE(has(held.read_all(), "came"));
+}
+
 TEST(Refusal, a_last_request_or_one_that_is_still_sent_ends_its_connection) {
   FewThreads server(100, 1);
   Client held(server.port());
@@ -38,6 +53,20 @@ TEST(Refusal, a_last_request_or_one_that_is_still_sent_ends_its_connection) {
   answers = Client(server.port()).send(large + get("/other")).read_all();
   EXPECT_EQ(count(answers, "HTTP/1.1"), 1U) << answers;
   EXPECT_TRUE(has(answers, "503") && has(answers, "Connection: close")) << answers;
+}
+
+TEST(Refusal, who_has_not_sent_a_body_keeps_nobody_out) {
+  FewThreads server(100, 1);
+  std::string begun = ask_sensor("Connection: close\r\n");
+  const char last = begun.back();
+  begun.pop_back();
+  Client slow(server.port());
+  slow.send(begun);
+  while (server.in_flight() < 1) std::this_thread::yield();
+  server.release();
+  EXPECT_TRUE(has(Client(server.port()).send(ask_sensor("Connection: close\r\n")).read_all(), "came"));
+  EXPECT_EQ(server.in_flight(), 1U);
+  EXPECT_TRUE(has(slow.send(std::string(1, last)).read_all(), "came"));
 }
 
 TEST(Refusal, the_rest_of_a_refused_body_is_no_request) {
