@@ -192,7 +192,7 @@ TEST(Zstd, what_a_decoder_holds_follows_the_windows_of_the_frames) {
   const auto held = [](int log) {
     ZstdDecoder decoder(std::size_t(64) << 20);
     // A frame of unknown size with a window, one byte repeated.
-    const std::string frame = kMagic + '\0' + window(log) + block_header(1, kBlock, false) + "x";
+    const std::string frame = kMagic + std::string(1, 0) + window(log) + block_header(1, 1024, false) + "x";
     EXPECT_FALSE(decoder.decode(frame, [](std::string_view) { return std::optional<Problem>(); }));
     return decoder.held_bytes();
   };
