@@ -7,6 +7,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
+#include <tbb/parallel_invoke.h>
 
 #include "core/scene/batch_trace.h"
 #include "core/scene/geometric_normal.h"
@@ -74,6 +75,22 @@ bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& o
   }
   if (options.stats != nullptr) *options.stats = std::move(stats);
   return done == count;
+}
+
+/// HitColumns::resize, the columns side by side: for a million rays it takes 10 ms, most of them the system's
+/// for new pages, which one thread would spend while the others wait. The values are those of new elements:
+/// every row is written by the trace.
+void make_room(HitColumns& hits, std::size_t rays, HitField fields) {
+  constexpr std::size_t kFewRays = 32768;
+  if (rays < kFewRays) return hits.resize(rays, fields);
+  const auto column = [&](HitField field, auto& values, std::size_t width) {
+    return [&values, size = has(fields, field) ? width * rays : 0] { values.resize(size); };
+  };
+  tbb::parallel_invoke(
+      column(HitField::kNormal, hits.normal, 3), [&] { hits.t.resize(rays); },
+      column(HitField::kUv, hits.uv, 2), column(HitField::kTError, hits.t_error, 1),
+      column(HitField::kInstanceId, hits.instance_id, 1), column(HitField::kMeshId, hits.mesh_id, 1),
+      column(HitField::kPrimitiveId, hits.primitive_id, 1), [&] { hits.status.resize(rays); });
 }
 
 Error cancelled() {
@@ -155,7 +172,7 @@ RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision, Prim
 
 Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const TraceOptions& options) try {
   HitColumns hits;
-  hits.resize(rays.size(), options.fields);
+  make_room(hits, rays.size(), options.fields);
   const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
     return intersect_all<kPrecision>(scene, rays, options, hits);
   });
