@@ -68,7 +68,7 @@ class GroupTracer {
   const std::stop_token& stop_;
   const std::uint32_t* index_ = nullptr;
   std::array<const Ray*, tlas::kGroupSize> rays_{};
-  std::array<Vec3d, tlas::kGroupSize> directions_;  ///< scaled to a largest component of 1
+  std::array<Vec3d, tlas::kGroupSize> directions_;  ///< largest component 1; among instances
   std::array<Best, tlas::kGroupSize> best_;         ///< of closest hits
   std::uint32_t hits_ = 0;                          ///< a bit for each ray of which a hit is known
   std::uint32_t together_ = 0;                      ///< rays that were in a packet
