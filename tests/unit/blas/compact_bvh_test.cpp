@@ -93,6 +93,13 @@ TEST(CompactNode, steps_are_the_smallest_that_reach_across_the_node) {
   EXPECT_EQ(node.box(0), exact[0]);
 }
 
+TEST(CompactNode, zeros_of_either_sign_give_the_same_bits) {
+  CompactNode minus{}, plus{};
+  minus.set_boxes(std::vector<Bounds3f>{{Vec3f(-0.F), Vec3f(1.F)}, {Vec3f(-0.F), Vec3f(-0.F)}});
+  plus.set_boxes(std::vector<Bounds3f>{{Vec3f(0.F), Vec3f(1.F)}, {Vec3f(0.F), Vec3f(0.F)}});
+  EXPECT_EQ(std::memcmp(&minus, &plus, sizeof plus), 0);
+}
+
 TEST(CompactNode, links_tell_inner_children_and_leaves_apart) {
   CompactNode node{};
   node.counts = 2 | (5 << 4);
