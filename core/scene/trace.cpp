@@ -135,10 +135,11 @@ bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions&
       surface.status = run.status[i];
       if (surface.status == RayStatus::kHit) {
         describe(scene, run.hits[i], surface);
-        if (has(options.fields, HitField::kNormal)) normals.add(run.hits[i], run.rays[i], source(i));
         if (has(options.fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
       }
       hits.set(source(i), surface);
+      if (surface.status == RayStatus::kHit && has(options.fields, HitField::kNormal))
+        normals.add(run.hits[i], run.rays[i], source(i));
     }
     normals.flush();
   };
