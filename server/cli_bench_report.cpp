@@ -42,11 +42,11 @@ void print_checks(const measure::Report& report, std::size_t from) {
 
 void print_builds(const measure::Report& report, std::size_t from) {
   if (report.build.size() == from) return;
-  std::printf("\n%-6s %-9s %-15s %4s %11s %10s %9s %7s %9s %9s %8s %7s\n", "scene", "engine", "build", "thr.",
+  std::printf("\n%-6s %-9s %-16s %4s %11s %10s %9s %7s %9s %9s %8s %7s\n", "scene", "engine", "build", "thr.",
               "triangles", "ms", "Mtri/s", "spread", "bytes/tri", "mesh b/t", "x medium", "x low");
   for (std::size_t i = from; i < report.build.size(); ++i) {
     const measure::BuildRow& row = report.build[i];
-    std::printf("%-6s %-9s %-15s %4zu %11s %10.2f %9.2f %5.1f %% %9.1f %9.1f %8s %7s\n", row.scene.c_str(),
+    std::printf("%-6s %-9s %-16s %4zu %11s %10.2f %9.2f %5.1f %% %9.1f %9.1f %8s %7s\n", row.scene.c_str(),
                 row.engine.c_str(), row.structure.c_str(), row.threads, grouped(row.triangles).c_str(),
                 row.ms, row.mtriangles_per_s, 100.0 * row.spread, row.bytes_per_triangle,
                 row.mesh_bytes_per_triangle, ratio_text(row.vs_embree_medium).c_str(),
