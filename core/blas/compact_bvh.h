@@ -1,5 +1,6 @@
 #pragma once
-// The wide tree in an eighth of its memory: nodes of 80 bytes, and leaves that name triangles and hold no corners.
+// The wide tree in an eighth of its memory: nodes of 80 bytes, and leaves that name triangles and hold no
+// corners.
 
 #include <memory>
 #include <stop_token>
