@@ -9,7 +9,7 @@ namespace gridcast::scene {
 namespace {
 
 /// Narrower lines are not worth it, of wider ones four do not fit the caches.
-constexpr std::size_t kNarrowest = 8, kWidest = 16384;
+constexpr std::size_t kNarrowest = 16, kWidest = 16384;
 /// A line ends where a ray is so many times further from the one before it than that is from its own.
 constexpr double kBreak = 8.0;
 /// Rays may be so many times further apart across the lines than along them, or the other way round.

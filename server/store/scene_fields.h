@@ -18,7 +18,7 @@ inline void fields(ByteReader& archive, scene::SharedText& text) {
 }
 
 template <>
-inline constexpr int kEnumerators<blas::StructureKind> = 6;
+inline constexpr int kEnumerators<blas::StructureKind> = 7;
 template <>
 inline constexpr int kEnumerators<blas::BvhSplit> = 3;
 template <>
