@@ -1,7 +1,5 @@
 #pragma once
 
-#include <sys/mman.h>
-
 #include <cstddef>
 #include <cstdlib>
 #include <limits>
@@ -10,15 +8,16 @@
 
 namespace gridcast::blas {
 
+/// Memory for std::free that starts at a cache line, or from 4 MiB on at a huge page, and the system is asked
+/// for such pages: rays jump about in a tree, and with small pages every jump would also miss the table of
+/// translations. Throws std::bad_alloc.
+[[nodiscard]] void* allocate_aligned(std::size_t bytes);
+
 /// resize() leaves new elements uninitialised: the threads that fill them touch the memory first, and once.
-/// Memory starts at a cache line; from kHugeBytes on at a huge page, and the system is asked for such pages:
-/// rays jump about in a tree, and with small pages every jump would also miss the table of translations.
 template <class T>
 class UninitializedAllocator {
  public:
   using value_type = T;
-  static constexpr std::size_t kHugePage = std::size_t(1) << 21;
-  static constexpr std::size_t kHugeBytes = 2 * kHugePage;
 
   UninitializedAllocator() = default;
   template <class U>
@@ -26,15 +25,8 @@ class UninitializedAllocator {
   UninitializedAllocator(const UninitializedAllocator<U>& /*other*/) {}
 
   [[nodiscard]] T* allocate(std::size_t count) {
-    if (count > (std::numeric_limits<std::size_t>::max() - kHugePage) / sizeof(T))
-      throw std::bad_array_new_length();
-    const std::size_t unit = count * sizeof(T) >= kHugeBytes ? kHugePage : kCacheLine;
-    const std::size_t bytes = (count * sizeof(T) + unit - 1) / unit * unit;
-    void* memory = std::aligned_alloc(unit, bytes);
-    if (memory == nullptr) throw std::bad_alloc();
-    // Without huge pages everything works, only slower.
-    if (unit == kHugePage) (void)madvise(memory, bytes, MADV_HUGEPAGE);
-    return static_cast<T*>(memory);
+    if (count > std::numeric_limits<std::ptrdiff_t>::max() / sizeof(T)) throw std::bad_array_new_length();
+    return static_cast<T*>(allocate_aligned(count * sizeof(T)));
   }
   void deallocate(T* memory, std::size_t /*count*/) { std::free(memory); }
 
@@ -51,9 +43,6 @@ class UninitializedAllocator {
   friend bool operator==(const UninitializedAllocator& /*a*/, const UninitializedAllocator<U>& /*b*/) {
     return true;
   }
-
- private:
-  static constexpr std::size_t kCacheLine = 64;
 };
 
 }  // namespace gridcast::blas

@@ -3,6 +3,7 @@
 import json
 import struct
 import subprocess
+import time
 
 import numpy as np
 import pytest
@@ -181,6 +182,9 @@ def test_near_the_memory_budget_nothing_large_is_made(start_server, tmp_path):
     path = tmp_path / "box.glb"
     path.write_bytes(models.one_box())
     full = start_server("--load", f"box={path}", "--memory-budget", "100000")  # less than the program itself
+    deadline = time.monotonic() + 30
+    while full.client.get("/healthz/ready").status != 200 and time.monotonic() < deadline:
+        time.sleep(0.02)
     reply = full.client.get("/v1/scenes/box/export")
     assert reply.status == 503 and reply.problem() == ("overloaded", "") and "retry-after" in reply.headers
     assert full.client.get("/v1/scenes/box").status == 200

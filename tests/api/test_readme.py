@@ -39,7 +39,7 @@ def test_the_curl_examples_run(server, tmp_path):
     assert '"state":"done"' in done.stdout
     assert read_png((tmp_path / "large.png").read_bytes()).shape[:2] == (480, 640)
     table = (tmp_path / "tradeoffs.csv").read_text().splitlines()
-    assert table[0].startswith("engine,structure,precision") and len(table) == 1 + 2 * (4 * 3 + 2), "no brute force"
+    assert table[0].startswith("engine,structure,precision") and len(table) == 1 + 2 * (5 * 3 + 2), "no brute force"
     answers, text = [], re.sub(r"event: \w+\nid: \d+\ndata: .*\n\n", "", done.stdout)
     while text:
         answer, end = json.JSONDecoder().raw_decode(text)

@@ -43,7 +43,7 @@ THIRD_PARTY = {
     "embree4/": ["core/blas/embree_tree.cpp", "core/measure/embree_yardstick.cpp"],
     "tbb/": TBB_USERS,
     "oneapi/tbb/": TBB_USERS,
-    "hwy/": ["core/math/", "core/blas/", "core/tlas/", "core/scene/hit_box_batch.cpp"],
+    "hwy/": ["core/math/", "core/blas/", "core/tlas/", "core/scene/geometric_normal.cpp", "core/scene/hit_box_batch.cpp"],
     "tiny_gltf.h": ["core/io/"],
     "draco/": ["core/io/", "tests/unit/io/"],
     "meshoptimizer.h": ["core/io/", "tests/unit/io/"],
@@ -79,6 +79,8 @@ SYSTEM = {
     "fcntl.h": ["core/io/", "server/", "tests/"],
     "unistd.h": ["core/io/", "server/", "tests/"],
     "sys/stat.h": ["core/io/", "server/", "tests/"],
+    # Huge pages.
+    "sys/mman.h": ["core/blas/uninitialized_allocator.cpp", "server/", "tests/"],
     "sys/": ["server/", "tests/"],
     "netinet/": ["server/", "tests/"],
     "arpa/": ["server/", "tests/"],
