@@ -63,6 +63,7 @@ class Mover {
       : moves_(moves), hulls_(hulls), instances_(instances), boxes_(boxes), first_wrong_(first_wrong) {}
 
   void run(std::size_t begin, std::size_t end) {
+    end_ = end;
     for_each_chunk<tlas::BoxTable::kChunkSize>(begin, end, [&](std::size_t first, std::size_t last) {
       if (moves_.id(first) < boxes_.size())
         box_chunk_ = own_chunk(boxes_, moves_.id(first), last - first).data();
@@ -116,9 +117,9 @@ class Mover {
 
   // Both are inlined early, since GCC takes a function that only asks for memory to do nothing and leaves it
   // out.
-  /// Of a move and of the slot as it is.
+  /// Of a move and of the slot as it is. Not beyond this run: the chunks there are another thread's to write.
   [[gnu::always_inline]] void ask_for(std::size_t k) const {
-    if (k >= moves_.size()) return;
+    if (k >= end_) return;
     const MoveInstance& move = moves_[k];
     __builtin_prefetch(&move.world_from_object);
     __builtin_prefetch(&move.world_from_object.translation);
@@ -176,6 +177,7 @@ class Mover {
   std::atomic<std::size_t>& first_wrong_;
   tlas::InstanceBox* box_chunk_ = nullptr;  ///< that are being written
   Instance* chunk_ = nullptr;
+  std::size_t end_ = 0;           ///< of this run of moves
   std::size_t end_of_chunk_ = 0;  ///< of its moves
   TransformBatch batch_;
   BoxLanes box_lanes_{};
