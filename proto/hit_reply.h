@@ -14,7 +14,7 @@ namespace gridcast::proto {
 
 /// How the engine traced a batch; no answer depends on it.
 struct RayPlan {
-  std::string order;            ///< as_given, by_origin, by_direction, by_tile
+  std::string order;            ///< as_given, by_origin, by_direction
   std::string reason;           ///< why this order
   std::size_t packet_rays = 0;  ///< up to sixteen at a time
   std::size_t single_rays = 0;  ///< the others, one by one

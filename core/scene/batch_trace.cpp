@@ -65,8 +65,7 @@ constexpr std::size_t kInNoCacheSorted = std::size_t(16) << 20;
 
 Grouping choose_grouping(const Scene& scene, RayOrderKind order) {
   const std::size_t bytes = scene.top_level().memory_bytes() + scene.instance_slots() * sizeof(Instance);
-  const bool sorted = order == RayOrderKind::kByOrigin || order == RayOrderKind::kByDirection;
-  if (bytes > (sorted ? kInNoCacheSorted : kInNoCache)) return Grouping::kAlways;
+  if (bytes > (order == RayOrderKind::kAsGiven ? kInNoCache : kInNoCacheSorted)) return Grouping::kAlways;
   for (std::uint32_t mesh = 0; mesh < scene.mesh_count(); ++mesh)
     if (scene.blas(mesh).has_packets()) return Grouping::kWherePacketsForm;
   return Grouping::kNever;

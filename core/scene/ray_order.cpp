@@ -8,8 +8,6 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include "core/scene/raster.h"
-
 namespace gridcast::scene {
 namespace {
 
@@ -206,10 +204,6 @@ RayOrder decide(const Scene& scene, const RayBatch& rays, std::string& reason) {
     return {};
   }
   if (4 * look.near_both >= 3 * look.pairs) {
-    if (const std::optional<Raster> raster = find_raster(rays, diagonal)) {
-      reason = "lines of " + std::to_string(raster->width) + " neighbours";
-      return {RayOrderKind::kByTile, order_by_tiles(*raster, rays.size())};
-    }
     reason = "neighbours go the same way";
     return {};
   }
@@ -233,8 +227,6 @@ std::string_view to_string(RayOrderKind kind) {
       return "by_origin";
     case RayOrderKind::kByDirection:
       return "by_direction";
-    case RayOrderKind::kByTile:
-      return "by_tile";
     case RayOrderKind::kAsGiven:
       break;
   }

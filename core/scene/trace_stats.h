@@ -7,8 +7,8 @@
 namespace gridcast::scene {
 
 /// In which order a batch was traced; answers come in the caller's order whatever it is.
-enum class RayOrderKind : std::uint8_t { kAsGiven, kByOrigin, kByDirection, kByTile };
-[[nodiscard]] std::string_view to_string(RayOrderKind kind);  ///< as_given, by_origin, by_direction, by_tile
+enum class RayOrderKind : std::uint8_t { kAsGiven, kByOrigin, kByDirection };
+[[nodiscard]] std::string_view to_string(RayOrderKind kind);  ///< as_given, by_origin, by_direction
 
 /// What a batch call decided. No answer depends on it.
 struct TraceStats {
