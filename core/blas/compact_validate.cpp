@@ -40,7 +40,7 @@ class Validator {
       if (node.slot_count() == 0 || node.slot_count() > 8 || node.inner_count() > node.slot_count())
         return wrong(i, "uses no slot or more than eight");
       for (std::uint32_t slot = 0; slot < node.slot_count(); ++slot) {
-        const Status status = slot < node.inner_count() ? inner(i, slot) : leaf(i, slot);
+        Status status = slot < node.inner_count() ? inner(i, slot) : leaf(i, slot);
         if (!status) return status;
       }
     }
