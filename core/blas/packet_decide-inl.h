@@ -13,6 +13,7 @@
 #include <hwy/highway.h>
 
 #include "core/blas/packet_frame-inl.h"
+#include "core/math/exact_lanes-inl.h"
 #include "core/mesh/triangle_test.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -34,26 +35,6 @@ struct DecidedRays {
 using DecideTag = hn::CappedTag<double, DecidedRays::kMost>;
 using DecideLanes = hn::Vec<DecideTag>;
 
-/// a * b - c * d as gridcast::difference_of_products, bit for bit.
-HWY_INLINE DecideLanes accurate_difference(DecideLanes a, DecideLanes b, DecideLanes c, DecideLanes d) {
-  const DecideTag tag;
-#if HWY_TARGET == HWY_SSSE3 || HWY_TARGET == HWY_SSE4 || HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
-  // These have no instruction that multiplies and adds with one rounding.
-  HWY_ALIGN double x[4][hn::MaxLanes(DecideTag())];
-  hn::Store(a, tag, x[0]);
-  hn::Store(b, tag, x[1]);
-  hn::Store(c, tag, x[2]);
-  hn::Store(d, tag, x[3]);
-  for (std::size_t i = 0; i < hn::Lanes(tag); ++i)
-    x[0][i] = gridcast::difference_of_products(x[0][i], x[1][i], x[2][i], x[3][i]);
-  return hn::Load(tag, x[0]);
-#else
-  (void)tag;
-  const DecideLanes cd = hn::Mul(c, d);
-  return hn::Add(hn::MulSub(a, b, cd), hn::NegMulAdd(c, d, cd));
-#endif
-}
-
 /// The rays from `first` on, as many as there are lanes, with a triangle in the order of the frame's axes.
 /// The operations of mesh::intersect_triangle_robust in their order, but for its quick rejection, which only
 /// saves time.
@@ -74,9 +55,9 @@ HWY_INLINE void intersect_many(const RayPacket& packet, const PacketFrame& frame
                    hn::Sub(hn::Sub(hn::Set(d, double(p.y)), origin[1]), hn::Mul(shear_y, z)), z};
   };
   const Sheared a = shear(triangle.p0), b = shear(triangle.p1), c = shear(triangle.p2);
-  const DecideLanes u = accurate_difference(c.x, b.y, c.y, b.x);
-  const DecideLanes v = accurate_difference(a.x, c.y, a.y, c.x);
-  const DecideLanes w = accurate_difference(b.x, a.y, b.y, a.x);
+  const DecideLanes u = gridcast::HWY_NAMESPACE::difference_of_products(d, c.x, b.y, c.y, b.x);
+  const DecideLanes v = gridcast::HWY_NAMESPACE::difference_of_products(d, a.x, c.y, a.y, c.x);
+  const DecideLanes w = gridcast::HWY_NAMESPACE::difference_of_products(d, b.x, a.y, b.y, a.x);
 
   const auto largest_of = [](DecideLanes x, DecideLanes y, DecideLanes z)
                               HWY_ATTR { return hn::Max(hn::Max(hn::Abs(x), hn::Abs(y)), hn::Abs(z)); };

@@ -12,6 +12,7 @@
 #include <hwy/highway.h>
 
 #include "core/math/exact.h"
+#include "core/math/exact_lanes-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::scene::HWY_NAMESPACE {
@@ -21,27 +22,6 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Lanes = NormalBatch::Lanes;
 using D = hn::CappedTag<double, NormalBatch::kSize>;
 using V = hn::Vec<D>;
-
-/// a * b + c rounded once. SSE has no such instruction.
-HWY_INLINE V fused(V a, V b, V c) {
-#if HWY_TARGET == HWY_SSSE3 || HWY_TARGET == HWY_SSE4 || HWY_TARGET == HWY_SCALAR || HWY_TARGET == HWY_EMU128
-  const D d;
-  HWY_ALIGN double x[hn::MaxLanes(D())], y[hn::MaxLanes(D())], z[hn::MaxLanes(D())];
-  hn::Store(a, d, x);
-  hn::Store(b, d, y);
-  hn::Store(c, d, z);
-  for (std::size_t i = 0; i < hn::Lanes(d); ++i) z[i] = std::fma(x[i], y[i], z[i]);
-  return hn::Load(d, z);
-#else
-  return hn::MulAdd(a, b, c);
-#endif
-}
-
-/// gridcast::difference_of_products.
-HWY_INLINE V difference_of_products(V a, V b, V c, V d) {
-  const V cd = hn::Mul(c, d);
-  return hn::Add(fused(a, b, hn::Neg(cd)), fused(hn::Neg(c), d, cd));
-}
 
 HWY_INLINE V largest_of(V x, V y, V z) {
   return hn::Max(hn::Max(hn::Abs(x), hn::Abs(y)), hn::Abs(z));
@@ -54,9 +34,9 @@ void make_normals(const std::array<Lanes, 6>& edges, const std::array<Lanes, 9>&
   for (std::size_t i = 0; i < NormalBatch::kSize; i += hn::Lanes(d)) {
     const auto edge = [&](std::size_t k) HWY_ATTR { return hn::Load(d, edges[k].data() + i); };
     const V ax = edge(0), ay = edge(1), az = edge(2), bx = edge(3), by = edge(4), bz = edge(5);
-    V x = difference_of_products(ay, bz, az, by);
-    V y = difference_of_products(az, bx, ax, bz);
-    V z = difference_of_products(ax, by, ay, bx);
+    V x = gridcast::HWY_NAMESPACE::difference_of_products(d, ay, bz, az, by);
+    V y = gridcast::HWY_NAMESPACE::difference_of_products(d, az, bx, ax, bz);
+    V z = gridcast::HWY_NAMESPACE::difference_of_products(d, ax, by, ay, bx);
     const V size = largest_of(x, y, z);
     x = hn::Div(x, size);
     y = hn::Div(y, size);
