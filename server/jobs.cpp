@@ -8,8 +8,8 @@
 #include <random>
 #include <utility>
 
+#include "server/http/problem.h"
 #include "server/log.h"
-#include "server/problem.h"
 
 namespace gridcast::server {
 namespace {

@@ -20,7 +20,7 @@
 #include "core/scene/scene.h"
 #include "proto/error_table.h"
 #include "proto/limits.h"
-#include "server/http_types.h"
+#include "server/http/http_types.h"
 #include "server/work_gate.h"
 
 namespace gridcast::server {

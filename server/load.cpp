@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "server/http_types.h"
+#include "server/http/http_types.h"
 
 namespace gridcast::server {
 

@@ -6,6 +6,10 @@
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
+#include "core/error.h"
+#include "server/http/http_server.h"
+#include "server/jobs.h"
+
 namespace gridcast::server {
 namespace {
 

@@ -3,11 +3,11 @@
 #include <string>
 #include <string_view>
 
-#include "core/error.h"
-#include "server/http_server.h"
-#include "server/jobs.h"
-
 namespace gridcast::server {
+
+class Job;
+struct JobView;
+struct RequestRecord;
 
 enum class LogFormat { kText, kJson };
 

@@ -1,8 +1,8 @@
 #include <string_view>
 
-#include "server/cli.h"
-#include "server/import_helper.h"
-#include "server/import_order.h"
+#include "server/cli/cli.h"
+#include "server/import/import_helper.h"
+#include "server/import/import_order.h"
 
 int main(int argc, char** argv) {
   if (argc == 2 && argv[1] == gridcast::server::kImportCommand) gridcast::server::run_import_helper();

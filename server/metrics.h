@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/scene/update.h"
-#include "server/http_server.h"
+#include "server/http/http_server.h"
 #include "server/jobs.h"
 #include "server/memory_budget.h"
 #include "server/scene_store.h"

@@ -8,7 +8,7 @@
 #include "proto/error_table.h"
 #include "server/access/rate_limit.h"
 #include "server/access/token.h"
-#include "server/http_types.h"
+#include "server/http/http_types.h"
 
 namespace gridcast::server::access {
 

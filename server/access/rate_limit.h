@@ -3,7 +3,7 @@
 #include <mutex>
 #include <optional>
 
-#include "server/http_types.h"
+#include "server/http/http_types.h"
 
 namespace gridcast::server::access {
 

@@ -1,6 +1,6 @@
 // Heads of requests: what is accepted is unambiguous and within the limits.
 
-#include "server/http_head.h"
+#include "server/http/http_head.h"
 #include "tests/fuzz/fuzz_input.h"
 
 using namespace gridcast;

@@ -4,6 +4,12 @@ Paths are relative to the repository. A place is a folder (ends with "/") or a f
 file lies in decides for it.
 """
 
+# The parts of the server that lie beside its folders.
+SERVER_PARTS = ["server/describe.h", "server/jobs.h", "server/load.h", "server/log.h", "server/machine.h",
+                "server/memory_budget.h", "server/metrics.h", "server/picture.h", "server/scene_log.h",
+                "server/scene_store.h", "server/signals.h", "server/thread_limit.h", "server/tree_builder.h",
+                "server/work_gate.h"]
+
 # What the files of a place may include of ours. A folder may always include its own headers.
 ARROWS = {
     "core/error.h": [],
@@ -26,7 +32,21 @@ ARROWS = {
     # What outlasts the process: knows the engine and the log, no request.
     "server/store/": ["core/", "server/log.h"],
     # Who may do what: knows requests as values, no socket and no scene.
-    "server/access/": ["core/error.h", "proto/", "server/http_types.h", "server/store/sha256.h"],
+    "server/access/": ["core/error.h", "proto/", "server/http/http_types.h", "server/store/sha256.h"],
+    # The edge: sockets, heads, bodies, queues. Hands requests to a router and knows no scene.
+    "server/http/": ["core/error.h", "proto/", "server/access/", "server/log.h", "server/memory_budget.h"],
+    # The process that parses models: knows what a scene is made of, no request.
+    "server/import/": ["core/", "proto/", "server/child_process.h", "server/log.h", "server/store/bytes.h",
+                       "server/store/scene_codec.h"],
+    # What a request means: knows the engine and the edge's values, never a command of the program or a benchmark.
+    "server/routes/": ["core/", "proto/", "server/access/", "server/chart/", "server/http/", "server/import/", *SERVER_PARTS,
+                       "server/store/sha256.h"],
+    # Pictures of figures.
+    "server/chart/": ["core/", "proto/", "server/child_process.h", "server/machine.h", "server/number_text.h"],
+    # Servers under load, in the process itself.
+    "server/bench/": ["core/", "proto/", "server/http/", "server/routes/api.h", *SERVER_PARTS],
+    # The commands of the program: above everything else.
+    "server/cli/": ["core/", "proto/", "server/"],
     "tests/support/": ["core/", "proto/"],
     "tests/": ["core/", "proto/", "server/", "tests/"],
 }
@@ -92,7 +112,7 @@ SYSTEM = {
     # Programs that ours starts.
     "spawn.h": ["server/child_process.cpp"],
     # What the process that parses models gives up.
-    "linux/": ["server/import_child.cpp"],
+    "linux/": ["server/import/import_child.cpp"],
     "immintrin.h": ["core/blas/", "core/tlas/"],
     # The control register of floating point, to flush denormals on purpose.
     "xmmintrin.h": ["tests/stability/"],

@@ -7,7 +7,7 @@
 
 #include "core/scene/tree_replacement.h"
 #include "proto/transaction.h"
-#include "server/edit_lines.h"
+#include "server/routes/edit_lines.h"
 #include "server/scene_store.h"
 #include "tests/support/shapes.h"
 

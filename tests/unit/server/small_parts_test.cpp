@@ -4,12 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include "server/cli/progress_bar.h"
+#include "server/cli/vector_option.h"
+#include "server/http/problem.h"
+#include "server/http/worker_pool.h"
 #include "server/log.h"
-#include "server/problem.h"
-#include "server/progress_bar.h"
-#include "server/vector_option.h"
 #include "server/work_gate.h"
-#include "server/worker_pool.h"
 
 namespace gridcast::server {
 namespace {

@@ -1,0 +1,93 @@
+// What a refusal leaves of a connection.
+
+#include "tests/unit/server/http/few_threads.h"
+
+namespace gridcast::server {
+namespace {
+
+TEST(Refusal, a_connection_whose_whole_request_came_goes_on) {
+  FewThreads server(100, 1);
+  Client held(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  while (server.started() < 1) std::this_thread::yield();
+  Client client(server.port());
+  const std::string answers =
+      client.send(ask_sensor() + ask_sensor() + get("/healthz/live", "") + ask_sensor() + get("/other"))
+          .read_all();
+  EXPECT_EQ(count(answers, "HTTP/1.1 503"), 3U) << answers;
+  EXPECT_EQ(count(answers, "Retry-After: "), 3U) << answers;
+  EXPECT_EQ(count(answers, "HTTP/1.1 200"), 2U) << answers;
+  EXPECT_LT(answers.find("live"), answers.find("other")) << answers;
+  EXPECT_EQ(server.in_flight(), 1U);
+  server.release();
+  EXPECT_TRUE(has(held.read_all(), "came"));
+}
+
+TEST(Refusal, it_needs_no_thread) {
+  FewThreads server(100, 1);
+  Client held(server.port()), other(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  other.send(get("/hold"));
+  while (server.started() < 2) std::this_thread::yield();
+  // A thread would come to it after the server has been let go.
+  for (int i = 0; i < 5; ++i)
+    EXPECT_TRUE(
+        has(Client(server.port()).send(ask_sensor("Connection: close\r\n")).read_all(), "HTTP/1.1 503"));
+  EXPECT_EQ(server.in_flight(), 2U);
+  server.release();
+  EXPECT_TRUE(has(held.read_all(), "came"));
+}
+
+TEST(Refusal, a_last_request_or_one_that_is_still_sent_ends_its_connection) {
+  FewThreads server(100, 1);
+  Client held(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  while (server.started() < 1) std::this_thread::yield();
+  std::string answers =
+      Client(server.port()).send(ask_sensor("Connection: close\r\n") + get("/other")).read_all();
+  EXPECT_EQ(count(answers, "HTTP/1.1"), 1U) << answers;
+  EXPECT_TRUE(has(answers, "503") && has(answers, "Connection: close")) << answers;
+  const std::string large =
+      "POST /v1/scenes/a/rays/any HTTP/1.1\r\nHost: x\r\nContent-Type: text/plain\r\nContent-Length: "
+      "1000000\r\n\r\n";
+  answers = Client(server.port()).send(large + get("/other")).read_all();
+  EXPECT_EQ(count(answers, "HTTP/1.1"), 1U) << answers;
+  EXPECT_TRUE(has(answers, "503") && has(answers, "Connection: close")) << answers;
+}
+
+TEST(Refusal, who_has_not_sent_a_body_keeps_nobody_out) {
+  FewThreads server(100, 1);
+  std::string begun = ask_sensor("Connection: close\r\n");
+  const char last = begun.back();
+  begun.pop_back();
+  Client slow(server.port());
+  slow.send(begun);
+  while (server.in_flight() < 1) std::this_thread::yield();
+  server.release();
+  EXPECT_TRUE(has(Client(server.port()).send(ask_sensor("Connection: close\r\n")).read_all(), "came"));
+  EXPECT_EQ(server.in_flight(), 1U);
+  EXPECT_TRUE(has(slow.send(std::string(1, last)).read_all(), "came"));
+}
+
+TEST(Refusal, the_rest_of_a_refused_body_is_no_request) {
+  FewThreads server(100, 1);
+  Client held(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  while (server.started() < 1) std::this_thread::yield();
+  // The body is a request, and comes in two parts after its head has been refused.
+  const std::string body = get("/other", "") + get("/other", "");
+  Client client(server.port());
+  client.send(
+      "POST /v1/scenes/a/sensors HTTP/1.1\r\nHost: x\r\nContent-Type: text/plain\r\nContent-Length: " +
+      std::to_string(body.size()) + "\r\n\r\n");
+  std::this_thread::sleep_for(milliseconds(50));
+  client.send(body.substr(0, 10));
+  std::this_thread::sleep_for(milliseconds(50));
+  const std::string answers = client.send(body.substr(10) + get("/healthz/live")).read_all();
+  EXPECT_EQ(count(answers, "HTTP/1.1 503"), 1U) << answers;
+  EXPECT_EQ(count(answers, "HTTP/1.1 200"), 1U) << answers;
+  EXPECT_TRUE(has(answers, "live")) << answers;
+}
+
+}  // namespace
+}  // namespace gridcast::server
