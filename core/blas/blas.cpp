@@ -282,6 +282,11 @@ void Blas::prefetch_corners(const Hit& hit) const {
   for (const auto& corner : block.corners) __builtin_prefetch(&corner);
 }
 
+const WideBvh* Blas::wide_bvh() const {
+  const auto* wide = std::get_if<std::shared_ptr<const WideBvh>>(&structure_);
+  return wide == nullptr || (*wide)->nodes().empty() ? nullptr : wide->get();
+}
+
 bool Blas::has_packets() const {
   return std::holds_alternative<std::shared_ptr<const WideBvh>>(structure_) ||
          std::holds_alternative<std::shared_ptr<const CompactBvh>>(structure_);

@@ -179,6 +179,9 @@ class Blas {
   template <Precision kPrecision>
   PacketResult occluded_packet(const RayPacket& packet) const;
 
+  /// The wide BVH that this is, or null: another structure, or no triangle.
+  [[nodiscard]] const WideBvh* wide_bvh() const;
+
   /// Checks every invariant of the structure against the mesh: boxes contain what is below them, every
   /// triangle is reachable, links are in range. The error says what and where.
   [[nodiscard]] Status validate() const;

@@ -38,6 +38,9 @@ struct BlockHits {
 };
 
 enum class Certain : std::uint8_t { kNotAsked, kAsked };
+/// Whether the filter ends when it has seen that no triangle is met: it then does less, but that is hard to
+/// foresee.
+enum class EarlyOut : std::uint8_t { kNo, kYes };
 
 using Block4 = hn::Vec<BlockRay::D4>;
 
@@ -133,7 +136,7 @@ HWY_INLINE std::uint32_t bits_of(Mask mask) {
 }
 
 /// Looks at the edge functions, then at the depths of what is left.
-template <Precision kPrecision, Certain kCertain>
+template <Precision kPrecision, Certain kCertain, EarlyOut kEarlyOut = EarlyOut::kYes>
 HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r, float s_far) {
   const BlockRay::D4 d;
   const BlockEdges edges = edges_of<kPrecision>(block, r);
@@ -141,7 +144,8 @@ HWY_INLINE BlockHits filter_block(const TriangleBlock& block, const BlockRay& r,
   const auto highest = edges.highest();
   // Overflow gives NaN or infinity, and then no comparison rejects.
   const auto outside = hn::And(hn::Lt(lowest, hn::Neg(edges.bound)), hn::Gt(highest, edges.bound));
-  if (hn::Lanes(d) == 4 && hn::AllTrue(d, outside)) return {0, 0};
+  if constexpr (kEarlyOut == EarlyOut::kYes)
+    if (hn::Lanes(d) == 4 && hn::AllTrue(d, outside)) return {0, 0};
 
   if constexpr (kPrecision == Precision::kFast) {
     const auto sign = hn::Set(d, r.sign_z);
@@ -188,27 +192,42 @@ HWY_INLINE bool decide_lane(const TriangleBlock& block, std::uint32_t lane, cons
   }
 }
 
+/// What the filter has to find out for a collector.
+template <Collector C>
+inline constexpr Certain kCertainFor = C::kStopsAtFirst ? Certain::kAsked : Certain::kNotAsked;
+
+/// Decides about what the filter left of a block; what was said to the hits together. `first` is the tree's
+/// first block.
+template <Precision kPrecision, Collector C>
+HWY_INLINE Offer decide_block(const TriangleBlock* first, const TriangleBlock& block, const BlockHits& hits,
+                              const mesh::ObjectRay& ray, C& collector) {
+  for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
+    if (block.ids[__builtin_ctz(certain)] != ray.excluded_primitive) return Offer::kDone;
+  Offer all = Offer::kGoOn;
+  for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
+    const auto lane = std::uint32_t(__builtin_ctz(candidates));
+    typename C::Candidate hit;
+    if (!decide_lane<kPrecision>(block, lane, ray, hit)) continue;
+    const Offer offer = collector.offer(ray, hit, block.ids[lane]);
+    if (offer == Offer::kDone) return offer;
+    if (offer != Offer::kNarrowed) continue;
+    all = offer;
+    if constexpr (std::same_as<C, ClosestHit>)
+      collector.best.corners_at = corners_at(std::size_t(&block - first), lane);
+  }
+  return all;
+}
+
 /// Tests `count` consecutive blocks from `first` on; what was said to the hits together.
 template <Precision kPrecision, Collector C>
 HWY_INLINE Offer intersect_leaf(const TriangleBlock* blocks, std::uint32_t first, std::uint32_t count,
                                 const BlockRay& r, float s_far, C& collector) {
   Offer all = Offer::kGoOn;
   for (const TriangleBlock* block = blocks + first; count != 0; --count, ++block) {
-    const BlockHits hits = filter_block < kPrecision,
-                    C::kStopsAtFirst ? Certain::kAsked : Certain::kNotAsked > (*block, r, s_far);
-    for (std::uint32_t certain = hits.certain; certain != 0; certain &= certain - 1)
-      if (block->ids[__builtin_ctz(certain)] != r.ray.excluded_primitive) return Offer::kDone;
-    for (std::uint32_t candidates = hits.possible; candidates != 0; candidates &= candidates - 1) {
-      const auto lane = std::uint32_t(__builtin_ctz(candidates));
-      typename C::Candidate hit;
-      if (!decide_lane<kPrecision>(*block, lane, r.ray, hit)) continue;
-      const Offer offer = collector.offer(r.ray, hit, block->ids[lane]);
-      if (offer == Offer::kDone) return offer;
-      if (offer != Offer::kNarrowed) continue;
-      all = offer;
-      if constexpr (std::same_as<C, ClosestHit>)
-        collector.best.corners_at = corners_at(std::size_t(block - blocks), lane);
-    }
+    const BlockHits hits = filter_block<kPrecision, kCertainFor<C>>(*block, r, s_far);
+    const Offer offer = decide_block<kPrecision>(blocks, *block, hits, r.ray, collector);
+    if (offer == Offer::kDone) return offer;
+    if (offer == Offer::kNarrowed) all = offer;
   }
   return all;
 }

@@ -51,7 +51,7 @@ class PacketWalk {
     s_near_ = range_of(frame_.s_near).low;
     s_far_ = range_of(frame_.s_far).high;
     walk();
-    return {true, hits_};
+    return {true, hits_, steps_};
   }
 
  private:
@@ -76,6 +76,7 @@ class PacketWalk {
     alignas(32) float s_enter[8];
     for (;;) {
       const std::size_t bottom = size;
+      ++steps_;
       for (std::uint32_t hits = enter_children(tree_.nodes[node], s_enter); hits != 0; hits &= hits - 1) {
         const auto slot = std::uint32_t(__builtin_ctz(hits));
         const Entry child = entry(s_enter[slot], node * 8 + slot);
@@ -162,6 +163,7 @@ class PacketWalk {
   }
 
   HWY_INLINE void visit_leaf(const Node& parent, std::uint32_t slot, std::uint32_t link) {
+    ++steps_;
     const std::uint32_t inside = rays_in_box(parent, slot) & active_;
     if (inside == 0) return;
     const bool alone = (inside & (inside - 1) & ((inside & (inside - 1)) - 1)) == 0;  // one ray, or two
@@ -334,6 +336,7 @@ class PacketWalk {
   std::uint32_t active_ = 0;
   std::uint32_t prepared_ = 0;
   std::uint32_t hits_ = 0;
+  std::uint32_t steps_ = 0;
   mesh::ObjectRay rays_[kLanes];
   mesh::ExactRay exact_[kExact ? kLanes : 1];  // of `exact` alone
 };

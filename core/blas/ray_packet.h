@@ -39,8 +39,9 @@ struct alignas(64) RayPacket {
 
 /// What became of a packet.
 struct PacketResult {
-  bool traced = false;     ///< false: its rays are too far apart to share work; nothing was done
-  std::uint32_t hits = 0;  ///< a bit per lane whose `best` was replaced (any hit: which is occluded)
+  bool traced = false;      ///< false: its rays are too far apart to share work; nothing was done
+  std::uint32_t hits = 0;   ///< a bit per lane whose `best` was replaced (any hit: which is occluded)
+  std::uint32_t steps = 0;  ///< nodes and leaves that its rays looked at together
 };
 
 // Where sharing pays: rays whose slopes differ by up to kMaxPacketSlopes, and whose origins (moved along the

@@ -56,29 +56,41 @@ struct WideRay {
   }
 };
 
+/// Slab test of slots from `first` on: the bits of s_enter of each, and of where it is left. Integers compare
+/// like the floats here, in fewer cycles: a negative distance is below every other, whatever its size, and
+/// loses against the 0 of the start or fails as an exit. A slot may be hit unless it is left before it is
+/// entered.
+template <class Node>
+HWY_INLINE void slab_test(const Node& node, const WideRay& r, float s_far, std::size_t first,
+                          hn::Vec<hn::RebindToSigned<WideRay::D8>>& enter,
+                          hn::Vec<hn::RebindToSigned<WideRay::D8>>& exit) {
+  const WideRay::D8 d;
+  const hn::RebindToSigned<WideRay::D8> di;
+  const mesh::ObjectRay& ray = r.ray;
+  const auto slab = [&](int axis, std::size_t place, float offset) HWY_ATTR {
+    return hn::BitCast(di, hn::MulAdd(planes_of(d, node, axis, place + first),
+                                      hn::Set(d, ray.inverse_direction[axis]), hn::Set(d, offset)));
+  };
+  const auto enter_x = slab(0, r.x, ray.near_offset.x);
+  const auto enter_y = slab(1, r.y, ray.near_offset.y);
+  const auto enter_z = slab(2, r.z, ray.near_offset.z);
+  const auto exit_x = slab(0, WideRay::opposite(0, r.x), ray.far_offset.x);
+  const auto exit_y = slab(1, WideRay::opposite(1, r.y), ray.far_offset.y);
+  const auto exit_z = slab(2, WideRay::opposite(2, r.z), ray.far_offset.z);
+  enter = hn::Max(hn::Max(enter_x, enter_y), hn::Max(enter_z, hn::Zero(di)));
+  exit = hn::Min(hn::Min(exit_x, exit_y), hn::Min(exit_z, hn::BitCast(di, hn::Set(d, s_far))));
+}
+
 /// Slab test of all eight slots: sets the bits of s_enter of each, returns a bit per slot that may be hit.
-/// Integers compare like the floats here, in fewer cycles: a negative distance is below every other, whatever
-/// its size, and loses against the 0 of the start or fails as an exit.
 template <class Node>
 HWY_INLINE std::uint32_t enter_children(const Node& node, const WideRay& r, float s_far,
                                         std::int32_t* HWY_RESTRICT s_enter) {
   const WideRay::D8 d;
   const hn::RebindToSigned<WideRay::D8> di;
-  const mesh::ObjectRay& ray = r.ray;
   std::uint32_t hits = 0;
   for (std::size_t i = 0; i < 8; i += hn::Lanes(d)) {
-    const auto slab = [&](int axis, std::size_t place, float offset) HWY_ATTR {
-      return hn::BitCast(di, hn::MulAdd(planes_of(d, node, axis, place + i),
-                                        hn::Set(d, ray.inverse_direction[axis]), hn::Set(d, offset)));
-    };
-    const auto enter_x = slab(0, r.x, ray.near_offset.x);
-    const auto enter_y = slab(1, r.y, ray.near_offset.y);
-    const auto enter_z = slab(2, r.z, ray.near_offset.z);
-    const auto exit_x = slab(0, WideRay::opposite(0, r.x), ray.far_offset.x);
-    const auto exit_y = slab(1, WideRay::opposite(1, r.y), ray.far_offset.y);
-    const auto exit_z = slab(2, WideRay::opposite(2, r.z), ray.far_offset.z);
-    const auto enter = hn::Max(hn::Max(enter_x, enter_y), hn::Max(enter_z, hn::Zero(di)));
-    const auto exit = hn::Min(hn::Min(exit_x, exit_y), hn::Min(exit_z, hn::BitCast(di, hn::Set(d, s_far))));
+    hn::Vec<decltype(di)> enter, exit;
+    slab_test(node, r, s_far, i, enter, exit);
     hn::Store(enter, di, s_enter + i);
     std::uint8_t bits[8] = {0};
     hn::StoreMaskBits(di, hn::Not(hn::Gt(enter, exit)), bits);
@@ -104,49 +116,74 @@ HWY_INLINE Offer intersect_leaf(const CompactView& tree, std::uint32_t link, con
   return offer;
 }
 
-// The stack holds what is still to visit, nearest on top. Entries of one node are inserted in order.
-template <Precision kPrecision, class View, Collector C>
-HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collector) {
-  const WideRay r(ray);
-  StackEntry stack[kWideStackSize];
+/// What is still to visit, nearest on top. Entries of one node are inserted in order, unless the first hit
+/// ends it all.
+template <bool kSorted>
+struct VisitStack {
+  StackEntry entries[kWideStackSize];
   std::size_t size = 0;
+
+  /// The nearest of the children of `hits`, of which there is one at least; the others go on the stack,
+  /// farthest first.
+  template <class View, class Node>
+  HWY_INLINE std::uint32_t push_all_but_nearest(const View& tree, const Node& node, std::uint32_t hits,
+                                                const std::int32_t* s_enter) {
+    auto slot = std::uint32_t(__builtin_ctz(hits));
+    hits &= hits - 1;
+    if (hits == 0) return tree.child(node, slot);
+    StackEntry next = entry(s_enter[slot], tree.child(node, slot));
+    prefetch(tree, std::uint32_t(next));
+    const std::size_t bottom = size;
+    for (; hits != 0; hits &= hits - 1) {
+      slot = std::uint32_t(__builtin_ctz(hits));
+      StackEntry other = entry(s_enter[slot], tree.child(node, slot));
+      prefetch(tree, std::uint32_t(other));
+      if constexpr (kSorted) {
+        const StackEntry nearer = std::min(next, other);
+        other = std::max(next, other);
+        next = nearer;
+        std::size_t place = size++;
+        for (; place > bottom && entries[place - 1] < other; --place) entries[place] = entries[place - 1];
+        entries[place] = other;
+      } else {
+        entries[size++] = other;
+      }
+    }
+    return std::uint32_t(next);
+  }
+
+  /// The next link that is entered before `last`; false when there is none.
+  HWY_INLINE bool pop(StackEntry last, std::uint32_t& link) {
+    do {
+      if (size == 0) return false;
+      --size;
+    } while (kSorted && entries[size] > last);
+    link = std::uint32_t(entries[size]);
+    return true;
+  }
+};
+
+struct StepsNotCounted {
+  HWY_INLINE void operator()() const {}
+};
+
+/// True when an offer narrowed the range or ended the traversal. Calls step() at every node and leaf.
+template <Precision kPrecision, class View, Collector C, class Step = StepsNotCounted>
+HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collector, const Step& step = {}) {
+  const WideRay r(ray);
+  VisitStack<!C::kStopsAtFirst> stack;
   bool narrowed = false;
   float s_far = ray.cull_far(collector.tfar());
   StackEntry last = far_entry(s_far);
   std::uint32_t link = 0;
   alignas(32) std::int32_t s_enter[8];
   for (;;) {
+    step();
     if (!wide_child::is_leaf(link)) {
       const auto& node = tree.nodes[link];
-      std::uint32_t hits = enter_children(node, r, s_far, s_enter);
+      const std::uint32_t hits = enter_children(node, r, s_far, s_enter);
       if (hits != 0) {
-        // The nearest child stays in `next`; the others go on the stack, farthest first.
-        std::int64_t next = 0;
-        auto slot = std::uint32_t(__builtin_ctz(hits));
-        hits &= hits - 1;
-        if (hits == 0) {
-          link = tree.child(node, slot);
-          continue;
-        }
-        next = entry(s_enter[slot], tree.child(node, slot));
-        prefetch(tree, std::uint32_t(next));
-        const std::size_t bottom = size;
-        for (; hits != 0; hits &= hits - 1) {
-          slot = std::uint32_t(__builtin_ctz(hits));
-          std::int64_t other = entry(s_enter[slot], tree.child(node, slot));
-          prefetch(tree, std::uint32_t(other));
-          if constexpr (!C::kStopsAtFirst) {
-            const std::int64_t nearer = std::min(next, other);
-            other = std::max(next, other);
-            next = nearer;
-            std::size_t place = size++;
-            for (; place > bottom && stack[place - 1] < other; --place) stack[place] = stack[place - 1];
-            stack[place] = other;
-          } else {
-            stack[size++] = other;
-          }
-        }
-        link = std::uint32_t(next);
+        link = stack.push_all_but_nearest(tree, node, hits, s_enter);
         continue;
       }
     } else {
@@ -158,11 +195,7 @@ HWY_INLINE bool traverse(const View& tree, const mesh::ObjectRay& ray, C& collec
         last = far_entry(s_far);
       }
     }
-    do {
-      if (size == 0) return narrowed;
-      --size;
-    } while (!C::kStopsAtFirst && stack[size] > last);
-    link = std::uint32_t(stack[size]);
+    if (!stack.pop(last, link)) return narrowed;
   }
 }
 

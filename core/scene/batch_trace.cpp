@@ -38,10 +38,10 @@ class GroupChoice {
            (grouping_ == Grouping::kWherePacketsForm && (number_ < kFirst || packets_ > alone_));
   }
   /// What a group met; nothing when its rays went alone.
-  void add(std::uint64_t packets, std::uint64_t alone) {
+  void add(const GroupVisits& visits) {
     if (number_ < kFirst) {
-      packets_ += packets;
-      alone_ += alone;
+      packets_ += visits.together;
+      alone_ += visits.alone;
     }
     if (++number_ < kStretch) return;
     number_ = 0;
@@ -112,15 +112,16 @@ bool trace_run(const BatchTarget& target, RayRun& run, const std::stop_token& st
   const auto flush = [&] {
     const std::span<const std::uint32_t> index(group, std::exchange(size, 0));
     if (choice.together()) {
-      if (!tracer.trace(index)) return false;
+      if (!tracer.trace(index, !target.is_alone || run.packets.packets())) return false;
     } else {
       for (const std::uint32_t i : index) {
         if (stop.stop_requested()) return false;
         trace_single<kPrecision, kAnyHit>(target, run, i);
       }
     }
-    const auto visits = tracer.take_visits();
-    choice.add(visits.together, visits.alone);
+    const GroupVisits visits = tracer.take_visits();
+    choice.add(visits);
+    run.packets.add(visits);
     return true;
   };
   for (std::size_t i = 0; i < count; ++i) {

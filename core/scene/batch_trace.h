@@ -10,6 +10,7 @@
 #include "core/blas/ray_packet.h"
 #include "core/math/hit.h"
 #include "core/math/ray_batch.h"
+#include "core/scene/packet_choice.h"
 #include "core/scene/scene.h"
 #include "core/scene/trace_stats.h"
 
@@ -39,6 +40,7 @@ struct RayRun {
   std::vector<Hit> hits;          ///< closest only
   std::uint64_t packet_rays = 0;  ///< were in the packet of an instance at least
   std::uint64_t single_rays = 0;
+  PacketChoice packets;  ///< what the runs before were like
 
   /// Rays [begin, end) of the batch, or of its permutation where that is not empty.
   void load(const RayBatch& batch, std::span<const std::uint32_t> permutation, std::size_t begin,

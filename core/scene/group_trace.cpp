@@ -31,7 +31,8 @@ bool may_be_close(const Ray& a, const Ray& b) {
 }  // namespace
 
 template <Precision kPrecision, bool kAnyHit>
-bool GroupTracer<kPrecision, kAnyHit>::trace(std::span<const std::uint32_t> index) {
+bool GroupTracer<kPrecision, kAnyHit>::trace(std::span<const std::uint32_t> index, bool packets) {
+  packets_ = packets;
   index_ = index.data();
   hits_ = together_ = 0;
   double far[tlas::kGroupSize];
@@ -85,7 +86,7 @@ void GroupTracer<kPrecision, kAnyHit>::visit(std::uint32_t instance_id, std::uin
   const Instance& instance = target_.scene.instance(instance_id);
   if (!instance.seen_by(target_.mask)) return;
   const GroupPlace place{instance_id, instance, target_.scene.blas(instance.mesh_id)};
-  if (!stopped() && visit_together(place, rays, far)) return;
+  if (packets_ && !stopped() && visit_together(place, rays, far)) return;
   for (; rays != 0; rays &= rays - 1) visit_alone(place, std::uint32_t(std::countr_zero(rays)), far);
 }
 
@@ -173,6 +174,7 @@ bool GroupTracer<kPrecision, kAnyHit>::visit_together(const GroupPlace& place, s
   if (!result.traced) return false;
   together_ |= rays;
   visits_.together += std::uint64_t(count);
+  visits_.together_steps += result.steps;
   if (kAnyHit && target_.is_alone) {  // lanes are rays, and nothing comes after
     hits_ |= result.hits;
     return true;
@@ -197,6 +199,7 @@ void GroupTracer<kPrecision, kAnyHit>::keep(std::uint32_t ray, double* far) {
     far[ray] = best_[ray].t;
 }
 
+/// Adds the ray to the stream unless it misses the mesh's box.
 template <Precision kPrecision, bool kAnyHit>
 void GroupTracer<kPrecision, kAnyHit>::visit_alone(const GroupPlace& place, std::uint32_t ray, double* far) {
   if (stopped()) {
@@ -204,29 +207,43 @@ void GroupTracer<kPrecision, kAnyHit>::visit_alone(const GroupPlace& place, std:
     return;
   }
   ++visits_.alone;
-  if (hit_alone(place, ray, far[ray])) keep(ray, far);
+  if (!prepare(place, ray, far[ray])) return;
+  blas::StreamRay<kPrecision>& added = stream_[stream_size_];
+  added = {&place.blas, &object_rays_[stream_size_], nullptr, far[ray]};
+  if constexpr (!kAnyHit) added.best = &best_[ray];
+  ray_of_[stream_size_++] = ray;
 }
 
-/// Whether the ray hits the instance, closer than `best_` where the closest is asked for, which it then is.
+/// The next object ray of the stream. False when it misses the mesh's box.
 template <Precision kPrecision, bool kAnyHit>
-bool GroupTracer<kPrecision, kAnyHit>::hit_alone(const GroupPlace& place, std::uint32_t ray, double far) {
-  const blas::Blas& blas = place.blas;
+bool GroupTracer<kPrecision, kAnyHit>::prepare(const GroupPlace& place, std::uint32_t ray, double far) {
   const InstanceTransform& transform = place.instance.transform;
-  mesh::ObjectRay object_ray;
+  mesh::ObjectRay& object_ray = object_rays_[stream_size_];
+  const PrimitiveRef excluded{place.instance_id, excluded_in(place, ray)};
   if constexpr (kExact) {
-    mesh::ExactRay exact_ray;
+    mesh::ExactRay& exact_ray = exact_rays_[stream_size_];
+    const blas::Blas& blas = place.blas;
     if (!exact_ray.prepare(object_ray, *rays_[ray], transform, blas.mesh(), blas.bounds(), far)) return false;
     object_ray.instance_id = place.instance_id;
-    object_ray.excluded_primitive = excluded_in(place, ray);
-    if constexpr (kAnyHit) return blas.occluded_exact(object_ray, far);
-    return blas.intersect_exact(object_ray, best_[ray]);
+    object_ray.excluded_primitive = excluded.primitive_id;
+    return true;
   } else {
-    const PrimitiveRef excluded{place.instance_id, excluded_in(place, ray)};
-    if (!prepare_for(object_ray, transform, blas, *rays_[ray], far, place.instance_id, excluded))
-      return false;
-    if constexpr (kAnyHit) return blas.template occluded<kPrecision>(object_ray, far);
-    return blas.template intersect<kPrecision>(object_ray, best_[ray]);
+    return prepare_for(object_ray, transform, place.blas, *rays_[ray], far, place.instance_id, excluded);
   }
+}
+
+template <Precision kPrecision, bool kAnyHit>
+void GroupTracer<kPrecision, kAnyHit>::trace_stream(double* far) {
+  const std::span<const blas::StreamRay<kPrecision>> rays(stream_.data(), std::exchange(stream_size_, 0));
+  if (rays.empty()) return;
+  blas::StreamResult result;
+  if constexpr (kAnyHit)
+    result = blas::occluded_stream<kPrecision>(rays);
+  else
+    result = blas::intersect_stream<kPrecision>(rays);
+  visits_.alone_steps += result.steps;
+  for (std::uint32_t hits = result.hits; hits != 0; hits &= hits - 1)
+    keep(ray_of_[std::size_t(std::countr_zero(hits))], far);
 }
 
 template class GroupTracer<Precision::kFast, false>;

@@ -202,7 +202,8 @@ class GroupWalk {
   }
 
   HWY_INLINE void run() {
-    while (going_ != 0) visit(move());
+    while (going_ != 0)
+      if (const std::uint32_t arrived = move(); arrived != 0) visit(arrived);
   }
 
  private:
@@ -237,6 +238,7 @@ class GroupWalk {
       visitor_.visit(visitor_.object, id, together, far_);
       arrived &= ~together;
     }
+    visitor_.finish(visitor_.object, far_);
   }
 
   double* far_;

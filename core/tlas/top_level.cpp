@@ -27,6 +27,7 @@ struct OneOfGroup {
     const auto visit = [](const void* object, std::uint32_t id) {
       const auto& self = *static_cast<const OneOfGroup*>(object);
       self.group.visit(self.group.object, id, 1U << self.ray, self.far);
+      self.group.finish(self.group.object, self.far);
       return self.far[self.ray];
     };
     const auto prefetch = [](const void* object, std::uint32_t id) {
@@ -130,6 +131,7 @@ void TopLevel::traverse_group_all(std::span<const Ray* const> rays, double* far,
   const auto count = std::uint32_t(rays.size());
   if (const std::optional<std::uint32_t> sole = sole_instance()) {
     visitor.visit(visitor.object, *sole, (1U << count) - 1U, far);
+    visitor.finish(visitor.object, far);
     return;
   }
   WorldRay worlds[kGroupSize];
@@ -138,7 +140,9 @@ void TopLevel::traverse_group_all(std::span<const Ray* const> rays, double* far,
     std::uint32_t enter = 0;
     for (std::uint32_t i = 0; i < count; ++i)
       enter |= std::uint32_t(!intersect_alone(worlds[i], boxes_[id], far[i]).empty()) << i;
-    if (enter != 0) visitor.visit(visitor.object, id, enter, far);
+    if (enter == 0) continue;
+    visitor.visit(visitor.object, id, enter, far);
+    visitor.finish(visitor.object, far);
   }
   if (!grid_) return;
   std::uint32_t near = 0;

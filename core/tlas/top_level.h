@@ -89,17 +89,21 @@ class TopLevel {
   /// traverse() for up to kGroupSize valid rays, ray i up to far[i]: `visitor.visit(instance_id, rays, far)`
   /// is called with a bit for each ray that can have a hit in the instance, at least one, and sets the far of
   /// these to the largest t still of interest. Every ray visits what it would visit alone; rays that come to
-  /// an instance at the same time do so together. `visitor` also has prefetch and goes_on: see GroupVisitor.
+  /// an instance at the same time do so together. `visitor` also has finish, prefetch and goes_on: see
+  /// GroupVisitor.
   template <class Visitor>
   void traverse_group(std::span<const Ray* const> rays, double* far, const Visitor& visitor) const {
     const auto visit = [](const void* object, std::uint32_t id, std::uint32_t bits, double* fars) {
       static_cast<const Visitor*>(object)->visit(id, bits, fars);
     };
+    const auto finish = [](const void* object, double* fars) {
+      static_cast<const Visitor*>(object)->finish(fars);
+    };
     const auto prefetch = [](const void* object, std::uint32_t id) {
       static_cast<const Visitor*>(object)->prefetch(id);
     };
     const auto goes_on = [](const void* object) { return static_cast<const Visitor*>(object)->goes_on(); };
-    traverse_group_all(rays, far, {&visitor, visit, prefetch, goes_on});
+    traverse_group_all(rays, far, {&visitor, visit, finish, prefetch, goes_on});
   }
 
   /// What `traverse` does, told to `way`: the same visits in the same order, through the same cells. `visit`

@@ -288,17 +288,23 @@ double narrowed(double far, std::uint32_t id) {
   return id % 7 == 3 ? 0.9 * far : far;
 }
 
+/// Narrows the rays' ranges when it is asked to finish.
 struct RecordWays {
   std::vector<Way>& ways;
-  std::size_t& together;  ///< visits of several rays at once
+  std::size_t& together;    ///< visits of several rays at once
+  std::uint32_t& visiting;  ///< rays of visits that are not finished
 
-  void visit(std::uint32_t id, std::uint32_t rays, double* far) const {
+  void visit(std::uint32_t id, std::uint32_t rays, double* /*far*/) const {
     together += std::size_t((rays & (rays - 1)) != 0);
-    for (std::size_t i = 0; i < ways.size(); ++i) {
-      if ((rays >> i & 1U) == 0) continue;
-      ways[i].push_back(id);
-      far[i] = narrowed(far[i], id);
-    }
+    EXPECT_EQ(visiting & rays, 0U) << "a ray went on before its visit was finished";
+    visiting |= rays;
+    for (std::size_t i = 0; i < ways.size(); ++i)
+      if ((rays >> i & 1U) != 0) ways[i].push_back(id);
+  }
+  void finish(double* far) const {
+    for (std::size_t i = 0; i < ways.size(); ++i)
+      if ((visiting >> i & 1U) != 0) far[i] = narrowed(far[i], ways[i].back());
+    visiting = 0;
   }
   void prefetch(std::uint32_t /*id*/) const {}
   [[nodiscard]] bool goes_on() const { return true; }
@@ -341,7 +347,9 @@ TEST(TopLevel, a_group_visits_what_its_rays_would_visit_alone) {
             return reach = narrowed(reach, id);
           });
         }
-        level.traverse_group(group, far.data(), RecordWays{ways, together});
+        std::uint32_t visiting = 0;
+        level.traverse_group(group, far.data(), RecordWays{ways, together, visiting});
+        EXPECT_EQ(visiting, 0U);
         EXPECT_EQ(ways, alone);
       }
     }
