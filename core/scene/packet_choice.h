@@ -36,10 +36,10 @@ class PacketChoice {
   }
 
  private:
-  static constexpr int kPeriod = 32;
+  static constexpr int kPeriod = 64;
   static constexpr double kPacketStep = 2.0;
   /// What a comparison counts for when the next is made.
-  static constexpr double kMemory = 0.75;
+  static constexpr double kMemory = 0.5;
 
   void compare(double per_ray_alone) {
     together_ = kMemory * together_ + per_packet_ray_;
