@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 namespace gridcast::scene {
@@ -29,17 +30,18 @@ class PacketChoice {
       per_packet_ray_ = double(visits.together_steps) / double(visits.together);
     if (number_ == 1 && visits.alone != 0 && per_packet_ray_ > 0.0)
       compare(double(visits.alone_steps) / double(visits.alone));
-    if (++number_ == kPeriod) {
-      number_ = 0;
-      per_packet_ray_ = 0.0;
-    }
+    if (++number_ < period_) return;
+    period_ = std::min(2 * period_, kLongestPeriod);
+    number_ = 0;
+    per_packet_ray_ = 0.0;
   }
 
  private:
-  static constexpr int kPeriod = 64;
+  static constexpr int kLongestPeriod = 64;
   static constexpr double kPacketStep = 2.0;
-  /// What a comparison counts for when the next is made.
-  static constexpr double kMemory = 0.5;
+  /// What a comparison counts for when the next is made. Much: where there is nothing to hit both ways take
+  /// few steps and count little, and rays come back from there.
+  static constexpr double kMemory = 0.95;
 
   void compare(double per_ray_alone) {
     together_ = kMemory * together_ + per_packet_ray_;
@@ -48,6 +50,7 @@ class PacketChoice {
     packets_pay_ = alone_ == 0.0 || alone_ >= kPacketStep * together_;
   }
 
+  int period_ = 8;  ///< groups from one comparison to the next
   int number_ = 0;  ///< of the group in its period
   double per_packet_ray_ = 0.0;
   double together_ = 0.0, alone_ = 0.0;  ///< steps a ray
