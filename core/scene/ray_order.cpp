@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
@@ -167,7 +168,7 @@ class DirectionKey {
 
 /// Sorts by counting, stable and in parallel: a histogram for each block of rays, places from all of them.
 template <class Key>
-std::vector<std::uint32_t> counting_sort(const RayBatch& rays, const Key& key_of) {
+RayOrder counting_sort(RayOrderKind kind, const RayBatch& rays, const Key& key_of) {
   const std::size_t count = rays.size();
   const auto blocks = std::size_t(std::clamp(tbb::this_task_arena::max_concurrency(), 1, 16));
   const std::size_t per_block = (count + blocks - 1) / blocks;
@@ -192,9 +193,12 @@ std::vector<std::uint32_t> counting_sort(const RayBatch& rays, const Key& key_of
       next += size;
     }
   }
-  std::vector<std::uint32_t> permutation(count);
-  each_block([&](std::size_t i, std::uint32_t* place) { permutation[place[keys[i]]++] = std::uint32_t(i); });
-  return permutation;
+  RayOrder order{kind, std::vector<std::uint32_t>(count), std::move(keys)};
+  each_block([&](std::size_t i, std::uint32_t* place) {
+    order.places[i] = place[order.places[i]]++;  // the key before
+    order.permutation[order.places[i]] = std::uint32_t(i);
+  });
+  return order;
 }
 
 /// Whether all rays go through one tree that the caches hold, or nearly.
@@ -222,7 +226,7 @@ RayOrder decide(const Scene& scene, const RayBatch& rays, std::string& reason) {
   }
   if (max_abs(look.origins.extent()) <= kOneOrigin * diagonal) {
     reason = "one origin, neighbours look elsewhere";
-    return {RayOrderKind::kByDirection, counting_sort(rays, DirectionKey(look.directions))};
+    return counting_sort(RayOrderKind::kByDirection, rays, DirectionKey(look.directions));
   }
   if (4 * look.near_origin >= 3 * look.pairs) {
     reason = "neighbours start near each other";
@@ -233,7 +237,7 @@ RayOrder decide(const Scene& scene, const RayBatch& rays, std::string& reason) {
     return {};
   }
   reason = "neighbours start far apart";
-  return {RayOrderKind::kByOrigin, counting_sort(rays, OriginKey(look.origins))};
+  return counting_sort(RayOrderKind::kByOrigin, rays, OriginKey(look.origins));
 }
 
 }  // namespace

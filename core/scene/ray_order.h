@@ -12,6 +12,7 @@ namespace gridcast::scene {
 struct RayOrder {
   RayOrderKind kind = RayOrderKind::kAsGiven;
   std::vector<std::uint32_t> permutation;  ///< the rays in the order to trace them; empty when as given
+  std::vector<std::uint32_t> places;       ///< where each ray is in that order; empty when as given
 };
 
 /// Looks at a sample of the batch and sorts all of it when neighbours in the batch are strangers in space.

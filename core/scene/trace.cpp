@@ -15,6 +15,7 @@
 #include "core/scene/hit_prefetch.h"
 #include "core/scene/ray_order.h"
 #include "core/scene/trace_one.h"
+#include "core/scene/traced_rows.h"
 
 namespace gridcast::scene {
 namespace {
@@ -44,12 +45,11 @@ RayStatus occluded_one(const Scene& scene, const Ray& ray, const QueryFilter& fi
   return any_hit<kPrecision>(scene, ray, filter) ? RayStatus::kHit : RayStatus::kMiss;
 }
 
-/// Traces a batch run by run over all cores and hands each run to `keep(run, source)`, where source(i) is the
-/// place of its ray i in the batch. False when stopped.
+/// Traces a batch in an order, run by run over all cores, and hands each run to `keep(run, begin)`, where ray
+/// i of the run is at place begin + i in that order. `stats` has the order. False when stopped.
 template <Precision kPrecision, bool kAnyHit, class Keep>
-bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& options, const Keep& keep) {
-  TraceStats stats;
-  const RayOrder order = choose_order(scene, rays, stats);
+bool trace_batch(const Scene& scene, const RayBatch& rays, const RayOrder& order, const TraceOptions& options,
+                 TraceStats stats, const Keep& keep) {
   const BatchTarget target(scene, options.mask, order.kind);
   if (target.grouping == Grouping::kAlways) stats.reason += "; in groups, as the top level is large";
   const std::size_t count = rays.size();
@@ -60,10 +60,7 @@ bool trace_batch(const Scene& scene, const RayBatch& rays, const TraceOptions& o
     RayRun& run = runs.local();
     run.load(rays, order.permutation, range.begin(), range.end());
     if (!trace_run<kPrecision, kAnyHit>(target, run, options.stop)) return;
-    keep(run, [&](std::size_t i) {
-      const std::size_t place = range.begin() + i;
-      return order.permutation.empty() ? place : std::size_t(order.permutation[place]);
-    });
+    keep(run, range.begin());
     const std::size_t now = done += range.size();
     if (options.progress) options.progress(double(now) / double(count));
   };
@@ -102,9 +99,10 @@ Error out_of_memory() {
 }
 
 /// Makes the normals of hits as they come, eight at a time, and writes them into their rows.
+template <class Rows>
 class NormalWriter {
  public:
-  NormalWriter(const Scene& scene, HitColumns& hits) : batch_(scene), hits_(hits) {}
+  NormalWriter(const Scene& scene, Rows& rows) : batch_(scene), rows_(rows) {}
 
   void add(const Hit& hit, const Ray& ray, std::size_t place) {
     batch_.set(size_, hit, ray);
@@ -113,46 +111,63 @@ class NormalWriter {
   }
   void flush() {
     batch_.make();
-    for (std::size_t lane = 0; lane < size_; ++lane) hits_.set_normal(places_[lane], batch_.normal(lane));
+    for (std::size_t lane = 0; lane < size_; ++lane) rows_.set_normal(places_[lane], batch_.normal(lane));
     size_ = 0;
   }
 
  private:
   NormalBatch batch_;
-  HitColumns& hits_;
+  Rows& rows_;
   std::array<std::size_t, NormalBatch::kSize> places_{};
   std::size_t size_ = 0;
 };
 
+/// The answers of a run into its rows, from `begin` on. `Rows` is HitColumns or TracedRows.
+template <class Rows>
+void keep_run(const Scene& scene, const RayRun& run, HitField fields, std::size_t begin, Rows& rows) {
+  const HitPrefetch prefetch(scene, run);
+  NormalWriter<Rows> normals(scene, rows);
+  for (std::size_t i = 0; i < run.rays.size(); ++i) {
+    prefetch.before(i);
+    SurfaceHit surface;
+    surface.status = run.status[i];
+    if (surface.status == RayStatus::kHit) {
+      describe(scene, run.hits[i], surface);
+      if (has(fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
+    }
+    rows.set(begin + i, surface);
+    if (surface.status == RayStatus::kHit && has(fields, HitField::kNormal))
+      normals.add(run.hits[i], run.rays[i], begin + i);
+  }
+  normals.flush();
+}
+
 template <Precision kPrecision>
 bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits) {
-  const auto keep = [&](const RayRun& run, const auto& source) {
-    const HitPrefetch prefetch(scene, run);
-    NormalWriter normals(scene, hits);
-    for (std::size_t i = 0; i < run.rays.size(); ++i) {
-      prefetch.before(i);
-      SurfaceHit surface;
-      surface.status = run.status[i];
-      if (surface.status == RayStatus::kHit) {
-        describe(scene, run.hits[i], surface);
-        if (has(options.fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
-      }
-      hits.set(source(i), surface);
-      if (surface.status == RayStatus::kHit && has(options.fields, HitField::kNormal))
-        normals.add(run.hits[i], run.rays[i], source(i));
-    }
-    normals.flush();
+  TraceStats stats;
+  const RayOrder order = choose_order(scene, rays, stats);
+  const auto trace_into = [&](auto& rows) {
+    return trace_batch<kPrecision, false>(
+        scene, rays, order, options, stats,
+        [&](const RayRun& run, std::size_t begin) { keep_run(scene, run, options.fields, begin, rows); });
   };
-  return trace_batch<kPrecision, false>(scene, rays, options, keep);
+  if (order.permutation.empty()) return trace_into(hits);
+  TracedRows rows(rays.size());
+  if (!trace_into(rows)) return false;
+  rows.put_into(hits, order.places);
+  return true;
 }
 
 template <Precision kPrecision>
 bool occluded_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
                   std::vector<RayStatus>& status) {
-  const auto keep = [&](const RayRun& run, const auto& source) {
-    for (std::size_t i = 0; i < run.rays.size(); ++i) status[source(i)] = run.status[i];
+  TraceStats stats;
+  const RayOrder order = choose_order(scene, rays, stats);
+  const auto keep = [&](const RayRun& run, std::size_t begin) {
+    for (std::size_t i = 0; i < run.rays.size(); ++i)
+      status[order.permutation.empty() ? begin + i : order.permutation[begin + i]] = run.status[i];
   };
-  return trace_batch<kPrecision, true>(scene, rays, options, keep);
+  return trace_batch<kPrecision, true>(scene, rays, order, options, stats, keep);
 }
 
 }  // namespace
