@@ -49,7 +49,9 @@ nlohmann::ordered_json limits_json(const Limits& limits) {
           {"log_lines", limits.log_lines},
           {"event_streams", limits.event_streams},
           {"heavy_requests", limits.heavy_requests},
-          {"heavy_wait_ms", limits.heavy_wait_ms}};
+          {"heavy_wait_ms", limits.heavy_wait_ms},
+          {"long_requests", limits.long_requests},
+          {"connections_per_address", limits.connections_per_address}};
 }
 
 std::size_t default_heavy_requests() {

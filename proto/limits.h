@@ -81,6 +81,10 @@ struct Limits {
   /// are refused when all together would take longer than heavy_wait_ms at the pace of the last ones.
   std::size_t heavy_requests = default_heavy_requests();
   double heavy_wait_ms = 20.0;
+  /// Uploads and pictures that one waits for, at once: a quarter of the threads that serve connections, so
+  /// that slow senders and large pictures leave the others.
+  std::size_t long_requests = 16;
+  std::size_t connections_per_address = 0;  ///< at once; 0: no limit
 };
 
 /// The `limits` object of GET /v1: one member per field above, same names.

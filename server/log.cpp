@@ -1,5 +1,8 @@
 #include "server/log.h"
 
+#include <atomic>
+#include <chrono>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 
@@ -22,6 +25,27 @@ void write(spdlog::level::level_enum level, std::string_view text) {
     spdlog::log(level, "{}", escaped(text));
 }
 
+/// Thousands a second, where more is asked for than can be done.
+class RefusalLog {
+ public:
+  void count() {
+    ++refused_;
+    const auto now = Clock::now().time_since_epoch().count();
+    auto next = next_.load();
+    if (now < next || !next_.compare_exchange_strong(next, now + Clock::duration(kPeriod).count())) return;
+    const std::uint64_t refused = refused_.exchange(0);
+    if (format_in_use == LogFormat::kJson)
+      spdlog::warn("\"refused\": {}", refused);
+    else
+      spdlog::warn("refused {}", refused);
+  }
+
+ private:
+  static constexpr std::chrono::seconds kPeriod{1};
+  std::atomic<std::uint64_t> refused_{0};
+  std::atomic<Clock::rep> next_{0};
+};
+
 }  // namespace
 
 void start_log(std::string_view level, LogFormat format) {
@@ -36,6 +60,11 @@ void start_log(std::string_view level, LogFormat format) {
 }
 
 void log_request(const RequestRecord& record) {
+  static RefusalLog refusals;
+  if (record.is_refusal()) {
+    refusals.count();
+    return;
+  }
   const auto level = record.status >= 500 ? spdlog::level::warn : spdlog::level::info;
   const auto or_dash = [](std::string_view text) { return text.empty() ? std::string_view("-") : text; };
   const std::string_view route = or_dash(record.route);

@@ -14,7 +14,8 @@ enum class LogFormat { kText, kJson };
 /// Once, before any other call. `level` is one of debug, info, warning, error, off. Writes to stderr.
 void start_log(std::string_view level, LogFormat format);
 
-/// One line for one answered request.
+/// One line for one answered request; for refusals that no thread was woken for, at most one in a second,
+/// with their number since the last one.
 void log_request(const RequestRecord& record);
 /// One line for one job that has ended.
 void log_job(const Job& job, const JobView& view);

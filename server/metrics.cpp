@@ -40,6 +40,9 @@ struct Metrics::Families {
           .Name("gridcast_http_request_duration_seconds")
           .Help("From a request's first byte to its answer, by route")
           .Register(registry);
+  // Looked up once: there may be thousands a second, and what each takes is taken from those who are served.
+  prometheus::Counter& refused = requests.Add({{"method", "none"}, {"route", "none"}, {"status", "503"}});
+  prometheus::Histogram& refused_seconds = seconds.Add({{"route", "none"}}, kSeconds);
   prometheus::Counter& rays = counter(registry, "gridcast_rays_total", "Rays traced for clients").Add({});
   prometheus::Counter& trace_seconds =
       counter(registry, "gridcast_trace_seconds_total", "Time spent tracing them").Add({});
@@ -115,6 +118,11 @@ Metrics::Metrics() : families_(std::make_unique<Families>()) {}
 Metrics::~Metrics() = default;
 
 void Metrics::count_request(const RequestRecord& record) {
+  if (record.is_refusal()) {
+    families_->refused.Increment();
+    families_->refused_seconds.Observe(record.ms / 1000.0);
+    return;
+  }
   const std::string route = record.route.empty() ? "none" : record.route;
   families_->requests
       .Add({{"method", record.method.empty() ? "none" : record.method},

@@ -20,6 +20,7 @@ struct BenchOptions {
                                               blas::StructureKind::kKdTree};
   std::vector<Precision> precisions{Precision::kRobust, Precision::kFast};
   std::vector<std::size_t> threads{1};
+  std::vector<ClientCores> clients{ClientCores::kShared};
   std::size_t rays = 1'000'000;  ///< a set
   std::size_t repeat = 5;
   std::size_t frames = 24;  ///< of a deformation

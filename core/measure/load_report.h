@@ -9,6 +9,15 @@
 
 namespace gridcast::measure {
 
+/// The cores of the clients of a server that is measured.
+enum class ClientCores : std::uint8_t {
+  kShared,  ///< those of the server
+  kApart,   ///< one of their own, which the server has not: they live on other machines
+};
+[[nodiscard]] constexpr const char* to_string(ClientCores cores) {
+  return cores == ClientCores::kApart ? "apart" : "shared";
+}
+
 /// A batch of rays in JSON, both ways.
 struct JsonBatchRow {
   std::string scene, set;
@@ -41,6 +50,7 @@ struct LatencyRow {
 /// Small batches, as fast as they are answered (`peak`) or at moments that do not wait for answers.
 struct LoadRow {
   std::string scene, phase;  ///< peak, steady (0.8 of the peak), whole, double, tenfold
+  ClientCores clients = ClientCores::kShared;
   std::size_t threads = 1;
   std::uint64_t rays = 0;  ///< of a batch
   std::size_t repeat = 0;

@@ -99,6 +99,7 @@ struct DeformSummaryRow {
 /// A batch over HTTP on the loopback address, binary both ways.
 struct ServeRow {
   std::string scene, set;
+  ClientCores clients = ClientCores::kShared;
   std::size_t threads = 1;
   std::uint64_t rays = 0;
   double mrays_per_s = 0.0;

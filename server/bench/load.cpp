@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <functional>
+#include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -73,6 +76,31 @@ double phase_ms(std::string_view answer, std::string_view phase) {
   return ms;
 }
 
+using Part = Status (*)(const LoadBench& bench);
+
+/// Clients apart are those of the saturation alone: the others ask for one thing after the other.
+std::span<const Part> parts_of(measure::ClientCores clients) {
+  static constexpr std::array<Part, 4> kParts{bench_json_batches, bench_latency, bench_gone,
+                                              bench_saturation};
+  return clients == measure::ClientCores::kApart ? std::span(kParts).last(1) : std::span(kParts);
+}
+
+Status run_parts(LoadBench& bench, measure::ClientCores clients, const std::function<void()>& step) {
+  const ThreadLimit limit(bench.threads);
+  std::unique_ptr<CoresApart> apart;
+  if (clients == measure::ClientCores::kApart) {
+    auto made = CoresApart::make(bench.threads);
+    if (!made) return made.error();
+    apart = std::move(made).value();
+    bench.apart = apart.get();
+  }
+  for (const Part part : parts_of(clients)) {
+    if (Status status = part(bench); !status) return status;
+    step();
+  }
+  return ok_status();
+}
+
 }  // namespace
 
 Status bench_json_batches(const LoadBench& bench) {
@@ -119,15 +147,18 @@ Status bench_load(const measure::BenchScene& bench_scene, const measure::BenchOp
   const measure::RaySetMaker maker(**scene, bench_scene.view, options.rays, options.seed);
   const auto rays = maker.make(measure::RaySetKind::kDiffuse);
   if (!rays) return rays.error();
-  constexpr std::array kParts{bench_json_batches, bench_latency, bench_gone, bench_saturation};
-  std::size_t done = 0;
-  for (const std::size_t threads : options.threads) {
-    const ThreadLimit limit(threads);
-    for (const auto& part : kParts) {
-      Status status = part({bench_scene.name, *scene, bench_scene.view, *rays, threads, options, report});
+  std::size_t steps = 0, done = 0;
+  for (const measure::ClientCores clients : options.clients)
+    steps += parts_of(clients).size() * options.threads.size();
+  const auto step = [&] {
+    if (progress) progress(double(++done) / double(steps));
+  };
+  for (const measure::ClientCores clients : options.clients) {
+    for (const std::size_t threads : options.threads) {
+      LoadBench bench{bench_scene.name, *scene, bench_scene.view, *rays, threads, options, report};
+      Status status = run_parts(bench, clients, step);
       if (options.stop.stop_requested()) return Error{ErrorCode::kCancelled, "the benchmark was stopped", ""};
       if (!status) return status;
-      if (progress) progress(double(++done) / double(kParts.size() * options.threads.size()));
     }
   }
   return ok_status();

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "core/measure/bench.h"
+#include "server/bench/cores_apart.h"
 
 namespace gridcast::server {
 
@@ -22,6 +23,7 @@ struct LoadBench {
   std::size_t threads = 1;
   const measure::BenchOptions& options;
   measure::Report& report;
+  const CoresApart* apart = nullptr;  ///< null: clients share the server's cores
 
   [[nodiscard]] bool stopped() const { return options.stop.stop_requested(); }
   /// The first `count` rays as float32 rows.

@@ -176,6 +176,7 @@ class Saturation {
     measure::LoadRow row;
     row.scene = bench_.scene_name;
     row.phase = name.substr(2);
+    row.clients = bench_.apart != nullptr ? measure::ClientCores::kApart : measure::ClientCores::kShared;
     row.threads = bench_.threads;
     row.rays = std::uint64_t(kWidthPx) * kHeightPx;
     row.repeat = series.goodput.size();
@@ -214,6 +215,7 @@ Status bench_saturation(const LoadBench& bench) {
   LoopbackServer server(bench.scene, bench.threads, HttpServerOptions{});
   const Result<int> port = server.start();
   if (!port) return port.error();
+  if (bench.apart != nullptr) bench.apart->be_client();
   return Saturation(bench, server, *port).run();
 }
 

@@ -1,21 +1,38 @@
 #include "server/bench/serve.h"
 
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "core/measure/interleave.h"
 #include "core/scene/trace.h"
+#include "server/bench/cores_apart.h"
 #include "server/bench/loopback.h"
 #include "server/thread_limit.h"
 
 namespace gridcast::server {
 namespace {
 
-Status serve_set(const measure::BenchScene& bench_scene, const std::shared_ptr<const scene::Scene>& scene,
-                 const measure::RaySet& rays, std::size_t threads, const measure::BenchOptions& options,
-                 measure::Report& report, const scene::ProgressCallback& progress) {
+/// What is served, and how.
+struct Serving {
+  const measure::BenchScene& bench_scene;
+  const std::shared_ptr<const scene::Scene>& scene;
+  const measure::RaySet& rays;
+  std::size_t threads;
+  measure::ClientCores clients;
+};
+
+Status serve_set(const Serving& serving, const measure::BenchOptions& options, measure::Report& report,
+                 const scene::ProgressCallback& progress) {
+  const auto& [bench_scene, scene, rays, threads, clients] = serving;
   // The server's own threads trace, so the bound has to hold for the whole process.
   const ThreadLimit limit(threads);
+  std::unique_ptr<CoresApart> apart;
+  if (clients == measure::ClientCores::kApart) {
+    auto made = CoresApart::make(threads);
+    if (!made) return made.error();
+    apart = std::move(made).value();
+  }
   LoopbackServer server(scene, threads);
   const Result<int> port = server.start();
   if (!port) return port.error();
@@ -24,6 +41,10 @@ Status serve_set(const measure::BenchScene& bench_scene, const std::shared_ptr<c
   LoopbackClient client(*port);
   std::vector<measure::Timed> timed(2);
   timed[0].run = [&] { return client.cast(rays.batch().bytes); };
+  if (apart) {
+    timed[0].before = [&] { apart->be_client(); };
+    timed[0].after = [&] { apart->be_server(); };
+  }
   timed[1].run = [&] {
     const auto hits =
         scene::intersect(*scene, rays.batch(), {Precision::kRobust, HitField::kAll, options.stop, {}});
@@ -34,6 +55,7 @@ Status serve_set(const measure::BenchScene& bench_scene, const std::shared_ptr<c
   measure::ServeRow row;
   row.scene = bench_scene.name;
   row.set = measure::to_string(rays.kind);
+  row.clients = clients;
   row.threads = threads;
   row.rays = rays.size();
   row.mrays_per_s = double(rays.size()) / measure::median(timed[0].seconds) / 1e6;
@@ -54,10 +76,12 @@ Status bench_serve(const measure::BenchScene& bench_scene, const measure::BenchO
     if (measure::query_of(kind) != measure::QueryKind::kClosest) continue;
     const auto rays = maker.make(kind);
     if (!rays) return rays.error();
-    for (const std::size_t threads : options.threads) {
-      if (Status status = serve_set(bench_scene, *scene, *rays, threads, options, report, progress); !status)
-        return status;
-    }
+    for (const measure::ClientCores clients : options.clients)
+      for (const std::size_t threads : options.threads)
+        if (Status status =
+                serve_set({bench_scene, *scene, *rays, threads, clients}, options, report, progress);
+            !status)
+          return status;
   }
   return ok_status();
 }

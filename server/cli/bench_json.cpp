@@ -78,6 +78,7 @@ Json row_of(const measure::InstanceRow& row) {
 Json row_of(const measure::ServeRow& row) {
   return {{"scene", row.scene},
           {"set", row.set},
+          {"clients", measure::to_string(row.clients)},
           {"threads", row.threads},
           {"rays", row.rays},
           {"mrays_per_s", row.mrays_per_s},
@@ -163,6 +164,7 @@ Json row_of(const measure::LatencyRow& row) {
 Json row_of(const measure::LoadRow& row) {
   return {{"scene", row.scene},
           {"phase", row.phase},
+          {"clients", measure::to_string(row.clients)},
           {"threads", row.threads},
           {"rays", row.rays},
           {"repeat", row.repeat},

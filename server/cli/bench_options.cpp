@@ -92,6 +92,13 @@ void add_how(CLI::App& app, BenchRequest& request) {
       ->delimiter(',')
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
+  app.add_option(
+         "--clients", request.clients,
+         "Cores of those who ask in serve and load, with commas: shared (the server's), apart (one of "
+         "their own; the server has as many others as threads)")
+      ->delimiter(',')
+      ->capture_default_str()
+      ->check(CLI::IsMember({"shared", "apart"}));
   app.add_option("--rays", request.rays, "Rays a set; without it 1,000,000")
       ->check(CLI::Range(1, 100'000'000));
   app.add_option("--repeat", request.repeat, "Repetitions that the median is taken of; without it 5")
@@ -169,6 +176,9 @@ measure::BenchOptions BenchRequest::options(std::stop_token stop) const {
   made.frames = frames > 0 ? frames : quick ? kQuickFrames : kFrames;
   made.phase_s = phase_s > 0.0 ? phase_s : quick ? kQuickPhaseSeconds : kPhaseSeconds;
   made.threads = threads;
+  made.clients.clear();
+  for (const std::string& name : clients)
+    made.clients.push_back(name == "apart" ? measure::ClientCores::kApart : measure::ClientCores::kShared);
   made.seed = seed;
   made.stop = std::move(stop);
   if (!sets.empty()) made.sets.clear();

@@ -19,6 +19,7 @@ struct BenchRequest {
   std::vector<std::string> precisions;
   std::vector<std::string> sections;
   std::vector<std::size_t> threads{1};
+  std::vector<std::string> clients{"shared"};
   std::string file, json_path;
   std::size_t rays = 0, repeat = 0, frames = 0;  ///< 0: the default, or that of --quick
   double phase_s = 0.0;                          ///< likewise

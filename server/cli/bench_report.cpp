@@ -82,13 +82,13 @@ void print_instances(const measure::Report& report, std::size_t from) {
 
 void print_serve(const measure::Report& report, std::size_t from) {
   if (report.serve.size() == from) return;
-  std::printf("\n%-6s %-17s %4s %10s %9s %7s %13s\n", "scene", "over HTTP", "thr.", "rays", "Mrays/s",
-              "spread", "x in process");
+  std::printf("\n%-6s %-17s %-7s %4s %10s %9s %7s %13s\n", "scene", "over HTTP", "clients", "thr.", "rays",
+              "Mrays/s", "spread", "x in process");
   for (std::size_t i = from; i < report.serve.size(); ++i) {
     const measure::ServeRow& row = report.serve[i];
-    std::printf("%-6s %-17s %4zu %10s %9.3f %5.1f %% %13s\n", row.scene.c_str(), row.set.c_str(), row.threads,
-                grouped(row.rays).c_str(), row.mrays_per_s, 100.0 * row.spread,
-                ratio_text(row.vs_in_process).c_str());
+    std::printf("%-6s %-17s %-7s %4zu %10s %9.3f %5.1f %% %13s\n", row.scene.c_str(), row.set.c_str(),
+                measure::to_string(row.clients), row.threads, grouped(row.rays).c_str(), row.mrays_per_s,
+                100.0 * row.spread, ratio_text(row.vs_in_process).c_str());
   }
 }
 
@@ -151,19 +151,22 @@ void print_latencies(const measure::Report& report, std::size_t from) {
 
 void print_loads(const measure::Report& report, std::size_t from) {
   if (report.load.size() == from) return;
-  std::printf("\n%-6s %-8s %4s %9s %9s %7s %7s %7s %8s %8s %9s %9s %8s %8s %7s %8s %8s %7s\n", "scene",
-              "load", "thr.", "offered/s", "good/s", "x peak", "spread", "by CPU", "p50 ms", "p99 ms",
-              "x steady", "refused/s", "p50 ms", "p99 ms", "failed", "late ms", "clients", "again s");
+  std::printf("\n%-6s %-8s %-7s %4s %9s %9s %7s %7s %7s %8s %8s %9s %9s %8s %8s %7s %8s %8s %7s\n", "scene",
+              "load", "clients", "thr.", "offered/s", "good/s", "x peak", "spread", "by CPU", "p50 ms",
+              "p99 ms", "x steady", "refused/s", "p50 ms", "p99 ms", "failed", "late ms", "theirs",
+              "again s");
   for (std::size_t i = from; i < report.load.size(); ++i) {
     const measure::LoadRow& row = report.load[i];
     std::printf(
-        "%-6s %-8s %4zu %9.1f %9.1f %7s %5.1f %% %7s %8.2f %8.2f %9s %9.1f %8.2f %8.2f %7s %8.2f %6.1f %% "
+        "%-6s %-8s %-7s %4zu %9.1f %9.1f %7s %5.1f %% %7s %8.2f %8.2f %9s %9.1f %8.2f %8.2f %7s %8.2f %6.1f "
+        "%% "
         "%7.2f\n",
-        row.scene.c_str(), row.phase.c_str(), row.threads, row.offered_per_s, row.goodput_per_s,
-        ratio_text(row.vs_peak).c_str(), 100.0 * row.spread, ratio_text(row.vs_peak_by_cpu).c_str(),
-        row.accepted_p50_ms, row.accepted_p99_ms, ratio_text(row.vs_steady_p99).c_str(), row.refused_per_s,
-        row.refused_p50_ms, row.refused_p99_ms, grouped(row.failed + row.not_sent).c_str(), row.late_p99_ms,
-        100.0 * row.clients_share, row.recovery_s);
+        row.scene.c_str(), row.phase.c_str(), measure::to_string(row.clients), row.threads, row.offered_per_s,
+        row.goodput_per_s, ratio_text(row.vs_peak).c_str(), 100.0 * row.spread,
+        ratio_text(row.vs_peak_by_cpu).c_str(), row.accepted_p50_ms, row.accepted_p99_ms,
+        ratio_text(row.vs_steady_p99).c_str(), row.refused_per_s, row.refused_p50_ms, row.refused_p99_ms,
+        grouped(row.failed + row.not_sent).c_str(), row.late_p99_ms, 100.0 * row.clients_share,
+        row.recovery_s);
   }
 }
 

@@ -46,6 +46,9 @@ Examples:
 /// An orderly end may take so long for trees that a restart would build otherwise.
 constexpr std::chrono::seconds kTreesAtEnd{10};
 
+/// Of strangers: twice what the server answers at once, a fraction of the connections that it keeps.
+constexpr std::size_t kConnectionsPerAddress = 128;
+
 /// Large blocks go back to the system when they are freed, and many threads share a few heaps: else memory of
 /// refused and deleted scenes would stay with us.
 void return_freed_memory() {
@@ -74,6 +77,10 @@ class ServeCommand final : public Command {
     // Each stream holds a connection's thread: most of them stay free for requests.
     options_.limits.event_streams = std::min(options_.limits.event_streams,
                                              std::max<std::size_t>(1, options_.http.connection_threads / 4));
+    options_.limits.long_requests = std::min(options_.limits.long_requests,
+                                             std::max<std::size_t>(1, options_.http.connection_threads / 2));
+    options_.limits.connections_per_address = options_.connections_per_address.value_or(
+        is_loopback(options_.http.host) ? 0 : kConnectionsPerAddress);
     auto archive = open_archive();
     if (!archive) return report("serve", archive.error());
     const bool is_empty = *archive == nullptr && options_.load.empty();
@@ -119,6 +126,8 @@ class ServeCommand final : public Command {
     options_.http.deadline = std::chrono::milliseconds(std::int64_t(options_.limits.deadline_ms));
     options_.http.memory = &api.memory;
     options_.http.heavy_requests = options_.limits.heavy_requests;
+    options_.http.long_requests = options_.limits.long_requests;
+    options_.http.connections_per_address = options_.limits.connections_per_address;
     options_.http.heavy_wait = std::chrono::milliseconds(std::int64_t(options_.limits.heavy_wait_ms));
     HttpServer http(make_router(api), options_.http, [&api](const RequestRecord& record) {
       api.metrics.count_request(record);

@@ -66,6 +66,8 @@ void add_limit_options(CLI::App& app, proto::Limits& limits) {
       "Questions about many rays, at work or waiting, that are never too many; by default 8 for each core");
   add("--heavy-wait-ms", limits.heavy_wait_ms,
       "Beyond those, questions are refused when all together would take longer than this");
+  add("--max-long-requests", limits.long_requests,
+      "Uploads, and pictures that are waited for, at once; at most half of the connections");
 }
 
 void add_storage_options(CLI::App& app, ServeOptions& options) {
@@ -93,13 +95,20 @@ void add_storage_options(CLI::App& app, ServeOptions& options) {
       ->group(group);
 }
 
-void add_connection_options(CLI::App& app, HttpServerOptions& http) {
+void add_connection_options(CLI::App& app, ServeOptions& options) {
+  HttpServerOptions& http = options.http;
   app.add_option("--max-connections", http.connection_threads, "Connections served at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 4096));
   app.add_option("--max-queued-connections", http.max_queued_connections,
                  "Connections that may wait for one of them")
       ->capture_default_str()
+      ->check(CLI::Range(0, 65536));
+  app.add_option(
+         "--max-connections-per-address", options.connections_per_address,
+         "Connections that one address may have at once (of IPv6, one network of 64 bits); 0 = no limit. "
+         "Without it 128 on a --host that others reach, else none: all are one machine then. Behind a "
+         "proxy, whose address all have, 0")
       ->check(CLI::Range(0, 65536));
   app.add_option("--max-waiting-connections", http.max_waiting_connections,
                  "Connections whose request has not come yet; beyond, the slowest is closed")
@@ -135,7 +144,7 @@ void add_serve_options(CLI::App& app, ServeOptions& options) {
       ->check(CLI::Range(0, 4096));
   app.add_flag("--import-in-process", options.import_in_process,
                "Parse uploaded models in this process, not in one of their own that may do nothing else");
-  add_connection_options(app, options.http);
+  add_connection_options(app, options);
   add_limit_options(app, options.limits);
   app.add_option("--log-level", options.log_level, "debug, info, warning, error or off")
       ->capture_default_str()

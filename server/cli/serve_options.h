@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,8 @@ struct ServeOptions {
   HttpServerOptions http;
   proto::Limits limits;
   std::size_t threads = 0;
-  std::vector<std::string> load;  ///< NAME=FILE
+  std::optional<std::size_t> connections_per_address;  ///< without it, what the host asks for
+  std::vector<std::string> load;                       ///< NAME=FILE
   std::string log_level = "info";
   std::string log_format = "text";
   bool allow_public = false;

@@ -78,9 +78,9 @@ bool Connection::receive(Clock::time_point until) {
 
 Arrived Connection::look() {
   if (draining_) return throw_away(socket_);
-  if (head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes) return Arrived::kHead;
+  if (has_head()) return Arrived::kHead;
   // Many wait at once: what each holds follows what it has sent.
-  std::array<char, kMaxHeadBytes> piece{};
+  thread_local std::array<char, kMaxHeadBytes> piece;
   const ssize_t n = ::recv(socket_, piece.data(), piece.size(), MSG_DONTWAIT);
   if (n < 0 && (errno == EAGAIN || errno == EINTR)) return Arrived::kNotYet;
   if (n <= 0) return Arrived::kEnd;
@@ -91,7 +91,7 @@ Arrived Connection::look() {
   const std::size_t seen = buffer_.size();
   buffer_.append(piece.data() + skipped, std::size_t(n) - skipped);
   head_end_ = buffer_.find(kHeadEnd, seen < 3 ? 0 : seen - 3);
-  return head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes ? Arrived::kHead : Arrived::kNotYet;
+  return has_head() ? Arrived::kHead : Arrived::kNotYet;
 }
 
 Arrived Connection::look_within(std::chrono::milliseconds time) {
@@ -106,8 +106,18 @@ Clock::time_point Connection::waits_until() const {
 }
 
 std::optional<std::variant<HttpHead, HeadError>> Connection::take_head() {
-  if (head_end_ == buffer_.npos && buffer_.size() <= kMaxHeadBytes) return std::nullopt;
+  if (!has_head()) return std::nullopt;
   ++heads_taken_;
+  if (!peeked_) return read_head();
+  return std::exchange(peeked_, std::nullopt);
+}
+
+const std::variant<HttpHead, HeadError>* Connection::peek_head() {
+  if (!peeked_ && has_head()) peeked_ = read_head();
+  return peeked_ ? &*peeked_ : nullptr;
+}
+
+std::variant<HttpHead, HeadError> Connection::read_head() {
   if (head_end_ == buffer_.npos || head_end_ + kHeadEnd.size() > kMaxHeadBytes) {
     const bool long_target = buffer_.find("\r\n") > kMaxTargetBytes;
     return long_target ? HeadError{ProblemCode::kUriTooLong, "the request target is too long"}
@@ -117,8 +127,7 @@ std::optional<std::variant<HttpHead, HeadError>> Connection::take_head() {
   buffer_.erase(0, head.size());
   // What follows may be a body, a next head, or its beginning: known when the body is read.
   head_end_ = buffer_.npos;
-  auto parsed = parse_head(head);
-  return parsed;
+  return parse_head(head);
 }
 
 void Connection::begin_wait() {
@@ -266,17 +275,24 @@ bool Connection::write(std::string_view bytes) {
       Clock::now() + limits_.stall +
       std::chrono::milliseconds(std::int64_t(1000.0 * double(bytes.size()) / limits_.min_bytes_per_s));
   while (!bytes.empty()) {
-    if (!wait_for(socket_, POLLOUT, std::min(until, Clock::now() + limits_.stall))) return false;
     const ssize_t n = ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-    if (n < 0 && (errno == EAGAIN || errno == EINTR)) continue;
-    if (n <= 0) return false;
-    bytes.remove_prefix(std::size_t(n));
+    if (n > 0) {
+      bytes.remove_prefix(std::size_t(n));
+      continue;
+    }
+    if (n == 0 || (errno != EAGAIN && errno != EINTR)) return false;
+    if (!wait_for(socket_, POLLOUT, std::min(until, Clock::now() + limits_.stall))) return false;
   }
   return true;
 }
 
 bool Connection::write_now(std::string_view bytes) const {
   return ::send(socket_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT) == ssize_t(bytes.size());
+}
+
+bool Connection::write_last_now(std::string_view bytes) const {
+  constexpr int kHow = MSG_NOSIGNAL | MSG_DONTWAIT | MSG_MORE;
+  return ::send(socket_, bytes.data(), bytes.size(), kHow) == ssize_t(bytes.size());
 }
 
 void Connection::begin_close() {

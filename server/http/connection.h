@@ -21,6 +21,7 @@ struct ConnectionLimits {
   std::chrono::milliseconds stall{10'000};       ///< longest silence inside a body
   /// A whole body or answer gets `stall` and this rate; slower clients are cut.
   double min_bytes_per_s = 16.0 * 1024;
+  std::size_t requests = 1000;  ///< then it is closed: none holds a thread for ever
 };
 
 /// Why a body could not be read.
@@ -45,7 +46,14 @@ class Connection {
   [[nodiscard]] Arrived look_within(std::chrono::milliseconds time);
   /// The head that look() found; nothing before it is whole.
   [[nodiscard]] std::optional<std::variant<HttpHead, HeadError>> take_head();
-  [[nodiscard]] std::size_t heads_taken() const { return heads_taken_; }
+  /// The same head, which stays to be taken; null before it is whole.
+  [[nodiscard]] const std::variant<HttpHead, HeadError>* peek_head();
+  /// Whether there is one, without a look at what has come since.
+  [[nodiscard]] bool has_head() const {
+    return peeked_ || head_end_ != buffer_.npos || buffer_.size() > kMaxHeadBytes;
+  }
+  /// As many heads as one connection may send have been taken.
+  [[nodiscard]] bool is_used_up() const { return heads_taken_ >= limits_.requests; }
 
   /// After an answer: the wait for a next request begins now.
   void begin_wait();
@@ -84,6 +92,9 @@ class Connection {
 
   /// Writes as much as goes at once, for those who are not waited for; false when that is not all.
   bool write_now(std::string_view bytes) const;
+  /// The same for the last bytes of all: they leave with the end of the stream, in one packet, when
+  /// begin_close() is called or this goes.
+  bool write_last_now(std::string_view bytes) const;
 
   /// Begins to close, so that an answer sent before the client finished its body still arrives: ends our
   /// side; from now on looks throw away what still comes, for a moment (waits_until()).
@@ -93,6 +104,7 @@ class Connection {
   [[nodiscard]] int socket() const { return socket_; }
 
  private:
+  [[nodiscard]] std::variant<HttpHead, HeadError> read_head();
   /// Appends what arrives within `until` to buffer_. False at the end of the stream or the time.
   [[nodiscard]] bool receive(Clock::time_point until);
   /// Before a body: its announced length, its deadline, Expect: 100-continue.
@@ -105,8 +117,9 @@ class Connection {
 
   int socket_;
   ConnectionLimits limits_;
-  std::string buffer_;                        ///< received, not yet consumed
-  std::size_t head_end_ = std::string::npos;  ///< of the empty line in buffer_
+  std::string buffer_;                                       ///< received, not yet consumed
+  std::size_t head_end_ = std::string::npos;                 ///< of the empty line in buffer_
+  std::optional<std::variant<HttpHead, HeadError>> peeked_;  ///< read and not taken
   std::size_t heads_taken_ = 0;
   std::size_t to_skip_ = 0;  ///< of what comes next: a body that nobody wants
   bool draining_ = false;

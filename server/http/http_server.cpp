@@ -13,18 +13,18 @@
 #include <sys/socket.h>
 
 #include "server/http/accept_loop.h"
+#include "server/http/address_limit.h"
 #include "server/http/exchange.h"
 #include "server/http/heavy_load.h"
 #include "server/http/lobby.h"
-#include "server/http/problem.h"
+#include "server/http/refusals.h"
 #include "server/http/small_request.h"
 #include "server/http/worker_pool.h"
+#include "server/work_gate.h"
 
 namespace gridcast::server {
 namespace {
 
-// A connection is given back now and then, so that none holds a thread for ever.
-constexpr std::size_t kRequestsPerConnection = 1000;
 // A busy client's next request comes sooner than the way through the lobby takes.
 constexpr std::chrono::milliseconds kLinger{1};
 // For small requests while all other threads have theirs: probes, and a few rays beside large batches.
@@ -70,20 +70,6 @@ class GuardStream final : public httplib::Stream {
 thread_local Exchange* current_exchange = nullptr;
 thread_local bool must_close_after = false;
 
-enum class After : std::uint8_t { kClose, kKeep };
-
-/// A whole answer for requests that the library never sees.
-std::string plain_answer(const proto::Problem& problem, After after = After::kClose) {
-  const HttpResponse response = problem_response(problem);
-  std::string text = "HTTP/1.1 " + std::to_string(response.status) + " " +
-                     std::string(proto::describe(problem.code).title) + "\r\n";
-  for (const auto& [name, value] : response.headers)
-    text.append(name).append(": ").append(value).append("\r\n");
-  return text + "Content-Type: " + response.content_type +
-         "\r\nContent-Length: " + std::to_string(response.body.size()) +
-         (after == After::kClose ? "\r\nConnection: close" : "") + "\r\n\r\n" + response.body;
-}
-
 }  // namespace
 
 class HttpServer::Edge final : public httplib::Server {
@@ -94,6 +80,8 @@ class HttpServer::Edge final : public httplib::Server {
         observer_(std::move(observer)),
         watch_(options_.memory),
         heavy_(options_.heavy_requests, options_.heavy_wait),
+        long_(options_.long_requests),
+        addresses_(options_.connections_per_address),
         pool_(options_.connection_threads, options_.max_queued_connections),
         reserved_(kReservedThreads, kMaxQueuedSmall),
         lobby_(options_.max_waiting_connections, exits()) {
@@ -104,7 +92,7 @@ class HttpServer::Edge final : public httplib::Server {
     });
     set_tcp_nodelay(true);
     set_keep_alive_timeout(options_.connection.keep_alive.count() / 1000);
-    set_keep_alive_max_count(kRequestsPerConnection);
+    set_keep_alive_max_count(options_.connection.requests);
     set_pre_routing_handler([](const httplib::Request&, httplib::Response& response) {
       fill(response);
       return HandlerResponse::Handled;
@@ -133,7 +121,7 @@ class HttpServer::Edge final : public httplib::Server {
   /// In place of the library's own loop, which makes four system calls of an accept. Answers what has come
   /// before it returns.
   void serve() {
-    accept_connections(svr_sock_, stopping_, [this](int socket) { welcome(socket); });
+    accept_connections(svr_sock_, stopping_, [this](int socket) { return welcome(socket); });
     end_serving();
   }
 
@@ -210,23 +198,40 @@ class HttpServer::Edge final : public httplib::Server {
     reserved_.shut_down();
   }
 
-  void welcome(int socket) {
-    const auto connection = std::make_shared<Connection>(socket, options_.connection);
+  /// A connection, and its place among those of its address.
+  struct Guest {
+    Guest(AddressLimit::Place taken, int socket, const ConnectionLimits& limits)
+        : place(std::move(taken)), connection(socket, limits) {}
+    AddressLimit::Place place;
+    Connection connection;
+  };
+
+  /// Whether it was refused.
+  bool welcome(int socket) {
+    auto place = addresses_.try_take(socket);
+    if (!place) {
+      const auto stranger = std::make_shared<Connection>(socket, options_.connection);
+      refusals_.refuse_stranger(*stranger);
+      lobby_.enter(stranger);
+      return true;
+    }
+    const auto guest = std::make_shared<Guest>(std::move(*place), socket, options_.connection);
+    const std::shared_ptr<Connection> connection(guest, &guest->connection);
     // Often the request has come by now, and more so the busier we are.
-    if (connection->look() == Arrived::kHead)
-      dispatch(connection, connection->take_head());
-    else
-      lobby_.enter(connection);
+    if (connection->look() == Arrived::kHead) return !dispatch(connection, connection->take_head());
+    lobby_.enter(connection);
+    return false;
   }
 
   Lobby::Exits exits() {
     const auto say = [this](proto::ProblemCode code, const char* detail) {
       return [this, problem = proto::Problem{code, detail, ""}](const Connection& connection) {
-        turn_away(connection, problem);
+        refusals_.turn_away(connection, problem);
       };
     };
     const auto full = say(proto::ProblemCode::kOverloaded, "too many connections");
-    return {[this](const std::shared_ptr<Connection>& connection) {
+    return {[this](Connection& connection) { return refuse_in_lobby(connection); },
+            [this](const std::shared_ptr<Connection>& connection) {
               dispatch(connection, connection->take_head());
             },
             say(proto::ProblemCode::kInvalidRequest, "the head came too slowly"), full};
@@ -238,18 +243,23 @@ class HttpServer::Edge final : public httplib::Server {
   struct Turn {
     TakenHead head;
     std::optional<HeavyLoad::Place> place = std::nullopt;
+    std::optional<WorkGate::Permit> long_place = std::nullopt;  ///< likewise of those that keep a thread
   };
 
-  /// To a thread that serves `head`, or not. Small requests go ahead of others where no thread is free.
-  void dispatch(const std::shared_ptr<Connection>& connection, TakenHead head) {
+  /// To a thread that serves `head`, or not: then false. Small requests go ahead of others where no thread is
+  /// free.
+  bool dispatch(const std::shared_ptr<Connection>& connection, TakenHead head) {
     const auto turn = std::make_shared<Turn>(Turn{std::move(head)});
+    bool has_refused = false;
     while (!admit(*connection, *turn)) {
-      if (!refuse(connection, std::get_if<HttpHead>(&*turn->head))) return;
-      turn->head = connection->look() == Arrived::kHead ? connection->take_head() : std::nullopt;
+      const auto left = refusals_.refuse(*connection, std::get_if<HttpHead>(&*turn->head));
+      has_refused = true;
+      if (left == Refusals::Left::kNothing) return false;
+      turn->head = left == Refusals::Left::kOpen ? connection->take_head() : std::nullopt;
     }
     if (!turn->head) {
       lobby_.enter(connection);
-      return;
+      return !has_refused;
     }
     const auto* request = std::get_if<HttpHead>(&*turn->head);
     const bool is_small = request != nullptr && is_small_request(*request);
@@ -257,12 +267,27 @@ class HttpServer::Edge final : public httplib::Server {
       return [this, connection, turn, lane] { serve_connection(connection, std::move(*turn), lane); };
     };
     std::function<void()> task = task_on(Lane::kAny);
-    if (pool_.try_hand_over(task)) return;
+    if (pool_.try_hand_over(task)) return true;
     if (is_small) {
       std::function<void()> small = task_on(Lane::kSmall);
-      if (reserved_.try_enqueue(small)) return;
+      if (reserved_.try_enqueue(small)) return true;
     }
-    if (!pool_.try_enqueue(task)) refuse(connection, nullptr);
+    if (pool_.try_enqueue(task)) return true;
+    if (refusals_.refuse(*connection, nullptr) == Refusals::Left::kDraining) lobby_.enter(connection);
+    return false;
+  }
+
+  /// Who asks for too much waits where it is, and no thread is woken.
+  Lobby::Then refuse_in_lobby(Connection& connection) {
+    while (const auto* head = heavy_.is_full() ? connection.peek_head() : nullptr) {
+      const auto* request = std::get_if<HttpHead>(head);
+      if (request == nullptr || !is_heavy_request(*request)) break;
+      const TakenHead taken = connection.take_head();
+      const auto left = refusals_.refuse(connection, std::get_if<HttpHead>(&*taken));
+      if (left == Refusals::Left::kNothing) return Lobby::Then::kEnds;
+      if (left == Refusals::Left::kDraining || !connection.has_head()) return Lobby::Then::kStays;
+    }
+    return Lobby::Then::kLeaves;
   }
 
   /// Known before a thread is woken and a body read: what a refusal costs is taken from those that are
@@ -270,41 +295,14 @@ class HttpServer::Edge final : public httplib::Server {
   /// so one whose body is still to come: its client could hold the place as long as it likes.
   bool admit(const Connection& connection, Turn& turn) {
     const auto* request = turn.head ? std::get_if<HttpHead>(&*turn.head) : nullptr;
+    if (request != nullptr && !turn.long_place && is_long_request(*request)) {
+      if (auto place = long_.try_enter()) turn.long_place.emplace(std::move(*place));
+      return turn.long_place.has_value();
+    }
     if (turn.place || request == nullptr || !is_heavy_request(*request)) return true;
     if (!connection.has_body(*request)) return !heavy_.is_full();
     if (auto place = heavy_.try_take()) turn.place.emplace(std::move(*place));
     return turn.place.has_value();
-  }
-
-  /// True when the connection goes on, as it does where what is still to come of `request` is known and not
-  /// much. Null: nobody knows. Then it is read and thrown away for a while, or the client might lose the
-  /// answer.
-  bool refuse(const std::shared_ptr<Connection>& connection, const HttpHead* request) {
-    const bool is_whole = request != nullptr && connection->has_body(*request);
-    const bool goes_on = request != nullptr && !request->wants_close() && !stopping_ &&
-                         connection->heads_taken() < kRequestsPerConnection &&
-                         connection->skip_body(*request);
-    const bool is_told = connection->write_now(goes_on ? kept_refusal_ : last_refusal_);
-    observer_({"", "", too_many_.status(), 0.0, 0, 0, ""});
-    if (goes_on) connection->begin_wait();
-    if (goes_on || is_whole) return goes_on && is_told;
-    connection->begin_close();
-    lobby_.enter(connection);
-    return false;
-  }
-
-  /// Without waiting, on the lobby's thread.
-  void turn_away(const Connection& connection, const proto::Problem& problem) {
-    if (!connection.head_begun()) return;
-    connection.write_now(plain_answer(problem));
-    observer_({"", "", problem.status(), 0.0, 0, 0, ""});
-  }
-
-  void answer_error(Connection& connection, const HeadError& error) {
-    const proto::Problem problem{error.code, error.detail, ""};
-    observer_({"", "", problem.status(), 0.0, 0, 0, ""});
-    (void)connection.write(plain_answer(problem));
-    connection.begin_close();
   }
 
   /// Serves `head`, and what follows it at once; then the connection waits in the lobby. Where others wait
@@ -313,16 +311,17 @@ class HttpServer::Edge final : public httplib::Server {
     TakenHead& head = turn.head;
     while (head && !connection->closing()) {
       if (const auto* error = std::get_if<HeadError>(&*head)) {
-        answer_error(*connection, *error);
+        refusals_.answer(*connection, *error);
         break;
       }
       if (!admit(*connection, turn)) {
         dispatch(connection, std::move(head));
         return;
       }
-      must_close_after = connection->heads_taken() >= kRequestsPerConnection;
+      must_close_after = connection->is_used_up();
       const bool goes_well = serve_request(*connection, std::get<HttpHead>(*head), turn.place);
       turn.place.reset();
+      turn.long_place.reset();
       if (!goes_well) return;
       if (connection->closing()) break;
       connection->begin_wait();
@@ -363,9 +362,9 @@ class HttpServer::Edge final : public httplib::Server {
   std::mutex stop_mutex_;  ///< guards drain_
   std::thread drain_;
   HeavyLoad heavy_;
-  const proto::Problem too_many_{proto::ProblemCode::kOverloaded, "too many requests", ""};
-  const std::string kept_refusal_ = plain_answer(too_many_, After::kKeep);
-  const std::string last_refusal_ = plain_answer(too_many_, After::kClose);
+  WorkGate long_;
+  AddressLimit addresses_;
+  const Refusals refusals_{observer_, stopping_};
   WorkerPool pool_, reserved_;
   Lobby lobby_;  // last: it hands to the rest
 };

@@ -29,6 +29,9 @@ struct HttpServerOptions {
   /// would take longer than `heavy_wait`.
   std::size_t heavy_requests = proto::default_heavy_requests();
   std::chrono::milliseconds heavy_wait{20};
+  /// Uploads and pictures, which keep a thread for long, at once; beyond, 503.
+  std::size_t long_requests = proto::Limits{}.long_requests;
+  std::size_t connections_per_address = 0;  ///< at once; 0: no limit
   /// Bodies held in memory at once, all requests together; beyond: 503.
   std::size_t max_body_bytes_in_flight = std::size_t(2) << 30;
   std::chrono::milliseconds deadline{30'000};  ///< of a request's work, the wait in the queue included
@@ -48,6 +51,9 @@ struct RequestRecord {
   std::size_t bytes_out = 0;
   std::string request_id;
   std::string caller = {};  ///< the name of its token; empty without one
+
+  /// One that no thread was woken for.
+  [[nodiscard]] bool is_refusal() const { return method.empty() && status == 503; }
 };
 using RequestObserver = std::function<void(const RequestRecord&)>;
 

@@ -10,6 +10,8 @@
 #include <sys/epoll.h>
 #include <unistd.h>
 
+#include "server/http/accept_loop.h"
+
 namespace gridcast::server {
 namespace {
 
@@ -77,24 +79,32 @@ std::shared_ptr<Connection> Lobby::take(int socket) {
   return connection;
 }
 
-/// Begun heads before idle connections: who trickles goes before who may ask again.
+/// Who is answered before begun heads, and those before idle connections: who trickles goes before who may
+/// ask again.
 int Lobby::longest_waiting() const {
   const auto rank = [](const auto& entry) {
-    return std::tuple(!entry.second->head_begun(), entry.second->waits_since());
+    const int kind = entry.second->closing() ? 0 : entry.second->head_begun() ? 1 : 2;
+    return std::tuple(kind, entry.second->waits_since());
   };
   return std::ranges::min_element(waiting_, {}, rank)->first;
 }
 
-void Lobby::look_at(int socket) {
+bool Lobby::look_at(int socket) {
   std::shared_ptr<Connection> connection;
-  Arrived arrived = Arrived::kNotYet;
+  Then then = Then::kEnds;
   {
     const std::lock_guard lock(mutex_);
     const auto found = waiting_.find(socket);
-    if (found != waiting_.end()) arrived = found->second->look();
-    if (arrived != Arrived::kNotYet) connection = take(socket);
+    if (found == waiting_.end()) return false;
+    const Arrived arrived = found->second->look();
+    if (arrived == Arrived::kNotYet) return false;
+    if (arrived == Arrived::kHead) then = exits_.answered(*found->second);
+    // It is watched already: that costs two calls of the system less than leaving and entering.
+    if (then == Then::kStays) return true;
+    connection = take(socket);
   }
-  if (arrived == Arrived::kHead) exits_.ready(std::move(connection));
+  if (then == Then::kLeaves) exits_.ready(std::move(connection));
+  return false;
 }
 
 void Lobby::sweep() {
@@ -120,7 +130,10 @@ void Lobby::run() {
   };
   while (!is_closed()) {
     const int count = ::epoll_wait(epoll_, events.data(), int(events.size()), int(kSweepPeriod.count()));
-    for (int i = 0; i < count; ++i) look_at(events[std::size_t(i)].data.fd);
+    bool has_answered = false;
+    for (int i = 0; i < count; ++i)
+      if (look_at(events[std::size_t(i)].data.fd)) has_answered = true;
+    if (has_answered) std::this_thread::sleep_for(kRestAfterRefusal);
     if (Clock::now() < next_sweep) continue;
     sweep();
     next_sweep = Clock::now() + kSweepPeriod;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <memory>
@@ -18,8 +19,12 @@ namespace gridcast::server {
 class Lobby {
  public:
   using Connections = std::vector<std::shared_ptr<Connection>>;
+  /// What becomes of one whose head has come.
+  enum class Then : std::uint8_t { kLeaves, kStays, kEnds };
   struct Exits {
-    std::function<void(std::shared_ptr<Connection>)> ready;  ///< a head has come
+    /// A head has come: it was answered at once, or it leaves. Keeps others from entering meanwhile.
+    std::function<Then(Connection&)> answered;
+    std::function<void(std::shared_ptr<Connection>)> ready;  ///< it leaves
     std::function<void(const Connection&)> late;             ///< a head has not come in time
     std::function<void(const Connection&)> evicted;          ///< its place went to another
   };
@@ -36,7 +41,8 @@ class Lobby {
 
  private:
   void run();
-  void look_at(int socket);
+  /// Whether somebody was answered.
+  bool look_at(int socket);
   /// Closes those who waited too long.
   void sweep();
   /// Under mutex_: takes one out.

@@ -29,4 +29,10 @@ bool is_heavy_request(const HttpHead& head) {
          std::ranges::any_of(kQuestions, [&](std::string_view part) { return path.find(part) != path.npos; });
 }
 
+bool is_long_request(const HttpHead& head) {
+  const std::string_view path = path_of(head);
+  if (head.method == "PUT") return path.find("/meshes/") != path.npos && !path.ends_with("/weights");
+  return head.method == "POST" && (path == "/v1/scenes" || path.ends_with("/renders"));
+}
+
 }  // namespace gridcast::server

@@ -15,5 +15,7 @@ inline constexpr std::size_t kSmallBodyBytes = std::size_t(8) << 10;
 [[nodiscard]] bool is_small_request(const HttpHead& head);
 /// Whether it asks for the work that HeavyLoad counts: many rays, points or pairs.
 [[nodiscard]] bool is_heavy_request(const HttpHead& head);
+/// Whether it keeps a thread for long, by what it sends or by what it asks for: an upload or a picture.
+[[nodiscard]] bool is_long_request(const HttpHead& head);
 
 }  // namespace gridcast::server

@@ -43,6 +43,90 @@ def test_errors_are_the_same(start_server, client):
             c.delete("/v1/scenes/e")
 
 
+class Upload:
+    """A large model on its way in; `helper()` is the process that parses it."""
+
+    def __init__(self, server):
+        self.pid, self.replies = server.server_pid(), []
+        self.thread = threading.Thread(target=self.send, args=(server.client,))
+        self.thread.start()
+
+    def send(self, client):
+        try:
+            self.replies.append(client.post("/v1/scenes", large_model(), GLB))
+        except OSError:
+            pass  # its server was killed
+
+    def helper(self):
+        """None when it is done."""
+        while self.thread.is_alive():
+            if children := children_of(self.pid):
+                return children[0]
+            time.sleep(0.0005)
+        return None
+
+
+def what_it_may(pid):
+    """Its status and limits by name, or None when it has gone."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+        limits = Path(f"/proc/{pid}/limits").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    read = dict(line.split(":", 1) for line in status.splitlines())
+    read |= {line[:26].strip(): line[26:].split()[:2] for line in limits.splitlines()[1:]}
+    return {name: value.strip() if isinstance(value, str) else value for name, value in read.items()}
+
+
+def test_the_helper_may_do_nothing_but_parse(start_server, binary):
+    if any(word in Path(binary).read_bytes() for word in (b"__asan_init", b"__tsan_init")):
+        pytest.skip("sanitizers need more than the helper allows itself")
+    server, found = start_server(), None
+    for _ in range(20):
+        upload = Upload(server)
+        helper = upload.helper()
+        while helper and (read := what_it_may(helper)):
+            # The filter of calls comes last: then all the rest is there.
+            if read.get("Seccomp") == "2":
+                found = read
+        upload.thread.join()
+        assert upload.replies[0].status == 201
+        server.client.delete("/v1/scenes/" + upload.replies[0].json()["id"])
+        if found:
+            break
+    assert found, "no helper was seen at work"
+    assert found["NoNewPrivs"] == "1"
+    assert found["Max open files"] == ["3", "3"] and found["Max processes"] == ["0", "0"]
+    assert found["Max core file size"] == ["0", "0"]
+    for name in ("Max cpu time", "Max address space", "Max file size"):
+        assert found[name][0] != "unlimited", name
+
+
+def test_the_helper_ends_with_the_server(start_server):
+    stopped = None
+    for _ in range(20):
+        server = start_server()
+        upload = Upload(server)
+        helper = upload.helper()
+        while helper and (read := what_it_may(helper)) and not stopped:
+            # From then on it has said whose child it is.
+            if read["NoNewPrivs"] == "1":
+                os.kill(helper, signal.SIGSTOP)
+                stopped = helper
+        if stopped:
+            break
+        upload.thread.join()
+    assert stopped, "no helper was seen at work"
+    os.kill(server.server_pid(), signal.SIGKILL)
+    upload.thread.join()
+    end = time.monotonic() + 20
+    while (read := what_it_may(stopped)) and not read["State"].startswith("Z"):
+        if time.monotonic() > end:
+            os.kill(stopped, signal.SIGKILL)
+            pytest.fail("it is still there")
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize("how", [signal.SIGSEGV, signal.SIGABRT])
 def test_a_helper_that_dies_takes_nothing_with_it(start_server, how):
     server = start_server()

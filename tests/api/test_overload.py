@@ -50,6 +50,53 @@ def test_heavy_questions_beyond_some_for_each_core_are_refused_and_small_ones_ar
     for reply in refused:
         assert int(reply.headers["retry-after"]) >= 1 and reply.json()["code"] == "overloaded"
     assert scene.cast(rays).status == 200, "and then it is as before"
+    assert sum('status="503"' in line and 'route="none"' in line and int(float(line.split()[-1])) == len(refused)
+               for line in server.client.get("/metrics").body.decode().splitlines()) == 1, "each is counted"
+    told = [int(line.split()[-1]) for line in server.output if " refused " in line]
+    assert 1 <= sum(told) <= len(refused) and len(told) < len(refused), "and told by their number"
+
+
+def test_an_address_has_its_share_of_the_connections(start_server):
+    server = start_server("--max-connections-per-address", "2")
+    assert server.client.get("/v1").json()["limits"]["connections_per_address"] == 2
+
+    def connect(address):
+        connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60, source_address=(address, 0))
+        connection.request("GET", "/healthz/live")
+        return connection, connection.getresponse()
+
+    others = [connect("127.0.0.2") for _ in range(2)]
+    assert [reply.status for _, reply in others] == [200, 200]
+    _, refused = connect("127.0.0.2")
+    assert refused.status == 503 and int(refused.headers["retry-after"]) >= 1
+    assert json.loads(refused.read())["code"] == "overloaded"
+    assert connect("127.0.0.3")[1].status == 200
+
+
+def test_pictures_leave_threads_to_others(start_server):
+    """Two may be at work; what else is asked for is answered meanwhile."""
+    server = start_server("--max-long-requests", "2")
+    scene = server.client.load(models.glb([models.sphere()], [{"mesh": 0}]))
+    picture = {"width_px": 256, "height_px": 256, "samples": 64}
+    statuses, stop = [], threading.Event()
+
+    def draw():
+        while not stop.is_set():
+            statuses.append(scene.post("/renders", picture).status)
+            if statuses.count(503) >= 10:
+                stop.set()
+
+    clients = [threading.Thread(target=draw) for _ in range(6)]
+    for client in clients:
+        client.start()
+    end = time.monotonic() + 60
+    while not stop.is_set():
+        if time.monotonic() > end:
+            stop.set()
+        assert server.client.get("/v1/scenes").status == 200
+    for client in clients:
+        client.join()
+    assert set(statuses) == {200, 503} and statuses.count(503) >= 10
 
 
 def test_a_few_clients_with_large_batches_are_all_answered(start_server):

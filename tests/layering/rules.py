@@ -34,7 +34,8 @@ ARROWS = {
     # Who may do what: knows requests as values, no socket and no scene.
     "server/access/": ["core/error.h", "proto/", "server/http/http_types.h", "server/store/sha256.h"],
     # The edge: sockets, heads, bodies, queues. Hands requests to a router and knows no scene.
-    "server/http/": ["core/error.h", "proto/", "server/access/", "server/log.h", "server/memory_budget.h"],
+    "server/http/": ["core/error.h", "proto/", "server/access/", "server/log.h", "server/memory_budget.h",
+                     "server/work_gate.h"],
     # The process that parses models: knows what a scene is made of, no request.
     "server/import/": ["core/", "proto/", "server/child_process.h", "server/log.h", "server/store/bytes.h",
                        "server/store/scene_codec.h"],
@@ -107,6 +108,7 @@ SYSTEM = {
     "malloc.h": ["server/"],
     # Where a library lies, to look into its file.
     "dlfcn.h": ["core/measure/embree_yardstick.cpp", "tests/durability/"],
+    "sched.h": ["server/bench/cores_apart.cpp"],
     "poll.h": ["server/", "tests/"],
     "signal.h": ["server/", "tests/"],
     # Programs that ours starts.

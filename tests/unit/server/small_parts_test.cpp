@@ -94,6 +94,32 @@ TEST(WorkGate, a_place_can_be_tried_for_and_all_that_came_and_went_is_counted) {
   EXPECT_EQ(gate.counts().left, 2U);
 }
 
+TEST(WorkGate, places_that_come_free_at_once_are_all_taken) {
+  // Whoever leaves calls the first alone: the second is called by the first, or nobody.
+  for (int round = 0; round < 200; ++round) {
+    WorkGate gate(2);
+    auto one = gate.enter({}), two = gate.enter({});
+    std::stop_source given_up;
+    std::atomic<int> inside{0};
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < 2; ++i) {
+      threads.emplace_back([&] {
+        const auto permit = gate.enter(given_up.get_token());
+        if (!permit) return;
+        ++inside;
+        while (inside < 2 && !given_up.stop_requested()) std::this_thread::yield();
+      });
+    }
+    while (gate.waiting() < 2) std::this_thread::yield();
+    one.reset();
+    two.reset();
+    const auto end = Clock::now() + std::chrono::seconds(20);
+    while (inside < 2 && Clock::now() < end) std::this_thread::yield();
+    given_up.request_stop();
+    ASSERT_EQ(inside, 2) << "round " << round;
+  }
+}
+
 TEST(WorkGate, lets_in_whoever_came_first) {
   WorkGate gate(1);
   auto first = gate.enter({});

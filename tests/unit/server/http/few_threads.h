@@ -1,5 +1,5 @@
 #pragma once
-// A server with two threads and requests that keep them, and a client that sends bytes as they are.
+// A server with two threads and requests that keep them.
 
 #include <algorithm>
 #include <atomic>
@@ -7,61 +7,14 @@
 #include <stdexcept>
 #include <string>
 #include <thread>
-
-#include <arpa/inet.h>
-#include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <sys/time.h>
-#include <unistd.h>
+#include <utility>
 
 #include "server/http/http_server.h"
+#include "tests/unit/server/http/raw_client.h"
 
 namespace gridcast::server {
 
 using std::chrono::milliseconds;
-
-class Client {
- public:
-  explicit Client(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(std::uint16_t(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    const timeval longest{20, 0};
-    ::setsockopt(socket_, SOL_SOCKET, SO_RCVTIMEO, &longest, sizeof(longest));
-    EXPECT_EQ(::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
-  }
-  ~Client() { ::close(socket_); }
-  Client(const Client&) = delete;
-  Client& operator=(const Client&) = delete;
-
-  [[nodiscard]] bool try_send(const std::string& text) const {
-    return ::send(socket_, text.data(), text.size(), MSG_NOSIGNAL) == ssize_t(text.size());
-  }
-  Client& send(const std::string& text) {
-    EXPECT_EQ(::send(socket_, text.data(), text.size(), MSG_NOSIGNAL), ssize_t(text.size()));
-    return *this;
-  }
-  /// Everything until the server closes; "cut" at its end when it does so with a reset, or says nothing.
-  std::string read_all() {
-    std::string text;
-    char piece[4096];
-    ssize_t n = 0;
-    while ((n = ::recv(socket_, piece, sizeof(piece), 0)) > 0) text.append(piece, std::size_t(n));
-    return n < 0 ? text + "cut" : text;
-  }
-
- private:
-  int socket_;
-};
-
-inline std::string get(const std::string& path, const std::string& more = "Connection: close\r\n") {
-  return "GET " + path + " HTTP/1.1\r\nHost: x\r\n" + more + "\r\n";
-}
-inline bool has(const std::string& answer, const std::string& part) {
-  return answer.find(part) != std::string::npos;
-}
 
 /// Two threads, and requests that keep them as long as a test wants.
 class FewThreads {
@@ -69,7 +22,9 @@ class FewThreads {
   /// `heavy`: so many heavy requests at once, and no more.
   explicit FewThreads(std::size_t queued, std::size_t heavy = 1000,
                       std::size_t body_bytes = std::size_t(1) << 30)
-      : server_(routes(), options(queued, heavy, body_bytes), [](const RequestRecord&) {}) {
+      : FewThreads(options(queued, heavy, body_bytes)) {}
+  explicit FewThreads(HttpServerOptions options)
+      : server_(routes(), std::move(options), [](const RequestRecord&) {}) {
     port_ = server_.bind().value();
     thread_ = std::thread([this] { server_.serve(); });
   }
@@ -93,8 +48,8 @@ class FewThreads {
   [[nodiscard]] int started() const { return started_; }
   std::list<Client>& held() { return held_; }
 
- private:
-  static HttpServerOptions options(std::size_t queued, std::size_t heavy, std::size_t body_bytes) {
+  static HttpServerOptions options(std::size_t queued, std::size_t heavy = 1000,
+                                   std::size_t body_bytes = std::size_t(1) << 30) {
     HttpServerOptions made;
     made.port = 0;
     made.connection_threads = 2;
@@ -105,6 +60,8 @@ class FewThreads {
     made.deadline = std::chrono::seconds(20);
     return made;
   }
+
+ private:
   /// Answers 200 as soon as `flag` is there, 503 when its deadline comes first.
   Handler when(const std::atomic<bool>& flag) {
     return [this, &flag](const HttpRequest&, Cancellation& cancellation) {
@@ -133,6 +90,7 @@ class FewThreads {
     router.add({"GET", "/hold", {}, when(release_)});
     router.add({"GET", "/after-other", {}, when(other_)});
     router.add({"POST", "/v1/scenes/{s}/sensors", {{"text/plain", 100}}, when(release_)});
+    router.add({"POST", "/v1/scenes/{s}/renders", {{"text/plain", 100}}, when(release_)});
     router.add({"POST",
                 "/v1/scenes/{s}/rays/any",
                 {{"text/plain", std::size_t(8) << 20}},

@@ -5,13 +5,10 @@
 #include <mutex>
 #include <thread>
 
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include "server/memory_budget.h"
+#include "tests/unit/server/http/raw_client.h"
 
 namespace gridcast::server {
 namespace {
@@ -90,50 +87,6 @@ class RunningServer {
   int port_ = 0;
   std::thread thread_;
 };
-
-/// A raw client: what it sends is what the server gets.
-class Client {
- public:
-  explicit Client(int port) : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(std::uint16_t(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    connected_ = ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) == 0;
-  }
-  ~Client() { close(); }
-  Client(const Client&) = delete;
-  Client& operator=(const Client&) = delete;
-
-  void close() {
-    if (socket_ >= 0) ::close(socket_);
-    socket_ = -1;
-  }
-  Client& send(const std::string& text) {
-    EXPECT_TRUE(connected_);
-    EXPECT_EQ(::send(socket_, text.data(), text.size(), MSG_NOSIGNAL), ssize_t(text.size()));
-    return *this;
-  }
-  /// Everything until the server closes.
-  std::string read_all() {
-    std::string text;
-    char piece[4096];
-    for (ssize_t n = 0; (n = ::recv(socket_, piece, sizeof(piece), 0)) > 0;)
-      text.append(piece, std::size_t(n));
-    return text;
-  }
-
- private:
-  int socket_;
-  bool connected_ = false;
-};
-
-std::string ask(int port, const std::string& text) {
-  return Client(port).send(text).read_all();
-}
-bool has(const std::string& answer, const std::string& part) {
-  return answer.find(part) != std::string::npos;
-}
 
 constexpr const char* kEnd = "Host: x\r\nConnection: close\r\n\r\n";
 

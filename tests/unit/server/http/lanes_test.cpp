@@ -50,6 +50,15 @@ TEST(HeavyRequest, is_a_question_about_many) {
   EXPECT_FALSE(is_heavy_request(head("POST", "/v1/scenes?name=/sensors", 1 << 20)));
 }
 
+TEST(LongRequest, is_an_upload_or_a_picture) {
+  EXPECT_TRUE(is_long_request(head("POST", "/v1/scenes?name=a", 1 << 20)));
+  EXPECT_TRUE(is_long_request(head("POST", "/v1/scenes/a/renders", 60)));
+  EXPECT_TRUE(is_long_request(head("PUT", "/v1/scenes/a/meshes/0", 1 << 20)));
+  EXPECT_FALSE(is_long_request(head("PUT", "/v1/scenes/a/meshes/0/weights", 60)));
+  EXPECT_FALSE(is_long_request(head("POST", "/v1/scenes/a/sensors", 60)));
+  EXPECT_FALSE(is_long_request(head("GET", "/v1/scenes", 0)));
+}
+
 /// Takes `count` requests through, each `ms` after the one before.
 Clock::time_point pass(HeavyLoad& load, int count, milliseconds ms) {
   Clock::time_point now{};

@@ -23,6 +23,59 @@ TEST(Refusal, a_connection_whose_whole_request_came_goes_on) {
   EXPECT_TRUE(has(held.read_all(), "came"));
 }
 
+TEST(Refusal, a_connection_goes_on_however_often_it_is_refused) {
+  FewThreads server(100, 1);
+  Client held(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  while (server.started() < 1) std::this_thread::yield();
+  Client client(server.port());
+  for (int i = 0; i < 5; ++i) {
+    EXPECT_TRUE(has(client.send(ask_sensor()).read_answer(), "HTTP/1.1 503")) << i;
+    EXPECT_TRUE(has(client.send(get("/healthz/live", "")).read_answer(), "live")) << i;
+    // Two at a time: the second lies in the buffer when the first is refused.
+    client.send(ask_sensor() + ask_sensor());
+    EXPECT_TRUE(has(client.read_answer(), "HTTP/1.1 503") && has(client.read_answer(), "HTTP/1.1 503")) << i;
+  }
+  server.release();
+  EXPECT_TRUE(has(held.read_all(), "came"));
+  EXPECT_TRUE(has(client.send(ask_sensor()).read_answer(), "came")) << "and is served when there is room";
+}
+
+TEST(Refusal, a_malformed_head_is_told_apart_while_others_are_refused) {
+  FewThreads server(100, 1);
+  Client held(server.port());
+  held.send(ask_sensor("Connection: close\r\n"));
+  while (server.started() < 1) std::this_thread::yield();
+  Client client(server.port());
+  EXPECT_TRUE(has(client.send(ask_sensor()).read_answer(), "HTTP/1.1 503"));
+  EXPECT_TRUE(has(client.send("GET / HTTP/1.1\r\nHost : x\r\n\r\n").read_all(), "HTTP/1.1 400"));
+}
+
+TEST(Refusal, pictures_and_uploads_leave_threads_to_others) {
+  HttpServerOptions options = FewThreads::options(100);
+  options.long_requests = 1;
+  FewThreads server(options);
+  std::string render = ask_sensor("Connection: close\r\n");
+  render.replace(render.find("sensors"), 7, "renders");
+  std::string begun = render;
+  begun.pop_back();
+  // It counts from its head on: a slow sender keeps a thread, too.
+  Client slow(server.port());
+  slow.send(begun);
+  while (server.in_flight() < 1) std::this_thread::yield();
+  for (int i = 0; i < 5; ++i) {
+    const std::string answer = Client(server.port()).send(render).read_all();
+    EXPECT_TRUE(has(answer, "HTTP/1.1 503") && has(answer, "Retry-After: ")) << answer;
+    EXPECT_TRUE(has(Client(server.port()).send(get("/other")).read_all(), "other")) << i;
+  }
+  server.release();
+  EXPECT_TRUE(has(slow.send(render.substr(render.size() - 1)).read_all(), "came"));
+  // Its place is free when its thread is done, a moment after its client has the answer.
+  std::string next = "HTTP/1.1 503";
+  while (next.starts_with("HTTP/1.1 503")) next = Client(server.port()).send(render).read_all();
+  EXPECT_TRUE(has(next, "came")) << next;
+}
+
 TEST(Refusal, it_needs_no_thread) {
   FewThreads server(100, 1);
   Client held(server.port()), other(server.port());
@@ -30,9 +83,11 @@ TEST(Refusal, it_needs_no_thread) {
   other.send(get("/hold"));
   while (server.started() < 2) std::this_thread::yield();
   // A thread would come to it after the server has been let go.
-  for (int i = 0; i < 5; ++i)
-    EXPECT_TRUE(
-        has(Client(server.port()).send(ask_sensor("Connection: close\r\n")).read_all(), "HTTP/1.1 503"));
+  for (int i = 0; i < 5; ++i) {
+    const std::string answer = Client(server.port()).send(ask_sensor("Connection: close\r\n")).read_all();
+    EXPECT_TRUE(answer.starts_with("HTTP/1.1 503") && answer.ends_with("}"))
+        << "whole, and not cut: " << answer;
+  }
   EXPECT_EQ(server.in_flight(), 2U);
   server.release();
   EXPECT_TRUE(has(held.read_all(), "came"));
