@@ -120,6 +120,14 @@ class FewThreads {
   std::thread thread_;
 };
 
+/// What a server has let go of it notices a moment later: asks again as long as it refuses, for 20 s.
+inline std::string ask_until_served(int port, const std::string& text) {
+  const Clock::time_point end = Clock::now() + std::chrono::seconds(20);
+  std::string answer = ask(port, text);
+  while (answer.starts_with("HTTP/1.1 503") && Clock::now() < end) answer = ask(port, text);
+  return answer;
+}
+
 /// A heavy request whose body comes with it.
 inline std::string ask_sensor(const std::string& more = "") {
   return "POST /v1/scenes/a/sensors HTTP/1.1\r\nHost: x\r\nContent-Type: text/plain\r\nContent-Length: "
