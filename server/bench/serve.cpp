@@ -24,11 +24,13 @@ struct Serving {
 
 Status serve_set(const Serving& serving, const measure::BenchOptions& options, measure::Report& report,
                  const scene::ProgressCallback& progress) {
-  const auto& [bench_scene, scene, rays, threads, clients] = serving;
+  const std::shared_ptr<const scene::Scene>& scene = serving.scene;
+  const measure::RaySet& rays = serving.rays;
+  const std::size_t threads = serving.threads;
   // The server's own threads trace, so the bound has to hold for the whole process.
   const ThreadLimit limit(threads);
   std::unique_ptr<CoresApart> apart;
-  if (clients == measure::ClientCores::kApart) {
+  if (serving.clients == measure::ClientCores::kApart) {
     auto made = CoresApart::make(threads);
     if (!made) return made.error();
     apart = std::move(made).value();
@@ -53,9 +55,9 @@ Status serve_set(const Serving& serving, const measure::BenchOptions& options, m
   if (Status status = interleave(timed, threads, measure::ClockKind::kWall, options, progress); !status)
     return status;
   measure::ServeRow row;
-  row.scene = bench_scene.name;
+  row.scene = serving.bench_scene.name;
   row.set = measure::to_string(rays.kind);
-  row.clients = clients;
+  row.clients = serving.clients;
   row.threads = threads;
   row.rays = rays.size();
   row.mrays_per_s = double(rays.size()) / measure::median(timed[0].seconds) / 1e6;

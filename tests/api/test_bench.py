@@ -1,6 +1,7 @@
 """gridcast bench on tiny scenes: what it measures, the shape of its JSON, wrong usage, Ctrl-C. Never how fast."""
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -99,6 +100,20 @@ def test_a_server_is_loaded_until_it_refuses(report):
     assert [row["threads"] for row in read["gone"]] == [2] and read["gone"][0]["trials"] > 0
 
 
+def test_clients_may_have_a_core_of_their_own(report):
+    if len(os.sched_getaffinity(0)) < 2:
+        pytest.skip("one core")
+    read = report(*TINY, "--section", "load,serve", "--scene", "S1", "--set", "primary", "--clients", "shared,apart")
+    assert [row["clients"] for row in read["serve"]] == ["shared", "apart"]
+    assert [row["phase"] for row in read["load"] if row["clients"] == "apart"] == ["peak", "steady", "whole", "double", "tenfold"]
+    assert len(read["load"]) == 10 and len(read["gone"]) == 1, "the rest of the load has no crowd of clients"
+
+
+def test_clients_apart_need_a_core_beside_the_server_s(bench):
+    done = bench(*TINY, "--section", "serve", "--scene", "S1", "--set", "primary", "--clients", "apart", "--threads", "256")
+    assert done.returncode == 1 and "beside the server's 256" in done.stderr
+
+
 def test_no_answer_differs_from_single_rays_or_brute_force(report):
     read = report(*TINY, "--scene", "all", "--section", "rays", "--structure", "wide_bvh,compact_bvh,kd_tree")
     assert len(read["checks"]) == 14 * 6 * 2 * 3 * 2
@@ -134,7 +149,7 @@ def test_people_get_tables_and_no_bar_in_a_pipe(bench):
 @pytest.mark.parametrize("arguments", [["--scene", "S9"], ["--set", "bounce"], ["--structure", "octree"], ["--threads", "0"],
                                        ["--rays", "-4"], ["--rays", "x"], ["--repeat", "0"], ["--section", "speed"], ["--section", "deform,wave"],
                                        ["--frames", "0"], ["--phase", "0"], ["--phase", "x"],
-                                       ["--size", "2"], ["--precision", "sharp"], ["--fast"], ["S1"],
+                                       ["--size", "2"], ["--clients", "near"], ["--precision", "sharp"], ["--fast"], ["S1"],
                                        ["--scene", "S1", "--file", "x.glb"]], ids=" ".join)
 def test_wrong_usage_is_2_with_one_line(bench, arguments):
     done = bench(*arguments)
