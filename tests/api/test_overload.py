@@ -77,7 +77,7 @@ def test_pictures_leave_threads_to_others(start_server):
     """Two may be at work; what else is asked for is answered meanwhile."""
     server = start_server("--max-long-requests", "2")
     scene = server.client.load(models.glb([models.sphere()], [{"mesh": 0}]))
-    picture = {"width_px": 256, "height_px": 256, "samples": 64}
+    picture = {"width_px": 128, "height_px": 128, "samples": 16}
     statuses, stop = [], threading.Event()
 
     def draw():
