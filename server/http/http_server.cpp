@@ -66,6 +66,26 @@ class GuardStream final : public httplib::Stream {
   bool failed_ = false;
 };
 
+/// A request of no method, whose answer goes nowhere.
+class NoRequest final : public httplib::Stream {
+ public:
+  [[nodiscard]] bool is_readable() const override { return at_ < kHead.size(); }
+  [[nodiscard]] bool is_writable() const override { return true; }
+  ssize_t read(char* to, std::size_t size) override {
+    const std::size_t n = kHead.copy(to, size, at_);
+    at_ += n;
+    return ssize_t(n);
+  }
+  ssize_t write(const char* /*from*/, std::size_t size) override { return ssize_t(size); }
+  void get_remote_ip_and_port(std::string&, int&) const override {}
+  void get_local_ip_and_port(std::string&, int&) const override {}
+  [[nodiscard]] socket_t socket() const override { return INVALID_SOCKET; }
+
+ private:
+  static constexpr std::string_view kHead = "NONE / HTTP/1.1\r\n\r\n";
+  std::size_t at_ = 0;
+};
+
 // The library hands no context from a connection to a request; both run on the same thread.
 thread_local Exchange* current_exchange = nullptr;
 thread_local bool must_close_after = false;
@@ -97,6 +117,11 @@ class HttpServer::Edge final : public httplib::Server {
       fill(response);
       return HandlerResponse::Handled;
     });
+    // The library makes a table of methods at its first request: before there are threads, which would wait
+    // for it.
+    NoRequest none;
+    bool closed = false;
+    process_request(none, true, closed, nullptr);
   }
 
   ~Edge() override {
