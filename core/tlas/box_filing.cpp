@@ -1,78 +1,115 @@
+// Compiled once per instruction set, by which the compiler makes vectors of the loops over planes, and chosen
+// at run time by Highway. The same operations in the same order as in GridLayout, none of them fused.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/tlas/box_filing.cpp"  // NOLINT: Highway includes this file once per target
+
 #include "core/tlas/box_filing.h"
 
+#include <algorithm>
 #include <array>
 #include <bit>
-#include <new>
-#include <type_traits>
+#include <cstring>
 
-#include "core/math/line_memory.h"
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
 
-namespace gridcast::tlas {
-namespace {
+HWY_BEFORE_NAMESPACE();
+namespace gridcast::tlas::HWY_NAMESPACE {
 
-/// One number for each plane of a box, in the order of its memory: lower x, y, z, upper x, y, z.
-using Planes = std::array<double, 6>;
-static_assert(sizeof(Planes) == sizeof(Bounds3d) && sizeof(std::array<float, 6>) == sizeof(Bounds3f) &&
-              sizeof(std::array<std::uint16_t, 6>) == sizeof(CellRange));
-static_assert(std::is_trivially_copyable_v<BoxRecord>);
+constexpr auto kNoRange = std::bit_cast<PackedRange>(CellRange{});
+static_assert(sizeof(InstanceBox) == 56 && sizeof(Bounds3f) == 24 && sizeof(CellRange) == 12);
 
-/// The layout by planes. All loops over planes are written so that compilers make vectors of them.
-class PlanesOfLayout {
- public:
-  explicit PlanesOfLayout(const GridLayout& layout) : layout_(layout) {
-    for (std::size_t plane = 0; plane < 6; ++plane) {
-      const auto axis = int(plane % 3);
-      outward_[plane] = plane < 3 ? -1.0 : 1.0;
-      border_[plane] = outward_[plane] * (plane < 3 ? layout.bounds.lower[axis] : layout.bounds.upper[axis]);
-      origin_[plane] = layout.bounds.lower[axis];
-      inverse_cell_[plane] = layout.inverse_cell[axis];
-      last_cell_[plane] = double(layout.cells[axis] - 1);
-      center_[plane] = layout.center[axis];
-      rounding_[plane] = outward_[plane] * layout.outward;
-    }
-  }
+using Numbers = std::array<double, 6>;
 
-  [[nodiscard]] BoxRecord record(const InstanceBox& box, std::uint32_t id) const {
-    if (box.bounds.empty()) return {{}, id, {}};
-    auto room = std::bit_cast<Planes>(box.bounds);
-    const double pad = layout_.pad(box.drift);
-    for (std::size_t plane = 0; plane < 6; ++plane) room[plane] += outward_[plane] * pad;
-    bool inside = true;
-    for (std::size_t plane = 0; plane < 6; ++plane) inside &= outward_[plane] * room[plane] <= border_[plane];
-    if (!inside) return {{}, id, {}};
-
-    std::array<std::uint16_t, 6> cells;
-    std::array<float, 6> local;
-    for (std::size_t plane = 0; plane < 6; ++plane) {
-      double index = (room[plane] - origin_[plane]) * inverse_cell_[plane];
-      index = index > 0.0 ? index : 0.0;
-      index = index < last_cell_[plane] ? index : last_cell_[plane];
-      cells[plane] = std::uint16_t(std::int32_t(index));
-      local[plane] = float(room[plane] - center_[plane] + rounding_[plane]);
-    }
-    return {std::bit_cast<Bounds3f>(local), id, std::bit_cast<CellRange>(cells)};
-  }
-
- private:
-  const GridLayout& layout_;
-  Planes outward_;  ///< -1 or 1
-  Planes border_, origin_, inverse_cell_, last_cell_, center_, rounding_;
-};
-
-}  // namespace
-
-RecordTable::RecordTable(std::size_t size)
-    : records_(static_cast<BoxRecord*>(allocate_lines(size * sizeof(BoxRecord)))), size_(size) {}
-
-RecordTable::~RecordTable() {
-  free_lines(records_);
+/// A box with its room; whether that lies inside the grid.
+HWY_INLINE bool grow(const BoxFiling::Planes& planes, const InstanceBox& box, Numbers& room) {
+  std::memcpy(room.data(), &box.bounds, sizeof room);
+  bool empty = false;
+  for (std::size_t axis = 0; axis < 3; ++axis) empty |= !(room[axis] <= room[axis + 3]);
+  const double pad = double(box.drift) * planes.reach + planes.slack;
+  for (std::size_t plane = 0; plane < 6; ++plane) room[plane] += planes.outward[plane] * pad;
+  bool inside = !empty;
+  for (std::size_t plane = 0; plane < 6; ++plane)
+    inside &= planes.outward[plane] * room[plane] <= planes.border[plane];
+  return inside;
 }
 
-void write_records(const GridLayout& layout, std::span<const InstanceBox> boxes, std::uint32_t first_id,
-                   BoxRecord* records) {
-  const PlanesOfLayout planes(layout);
-  for (std::size_t k = 0; k < boxes.size(); ++k)
-    new (records + k) BoxRecord(planes.record(boxes[k], first_id + std::uint32_t(k)));
+HWY_INLINE PackedRange range_of(const BoxFiling::Planes& planes, const Numbers& room) {
+  PackedRange cells;
+  for (std::size_t plane = 0; plane < 6; ++plane) {
+    double index = (room[plane] - planes.origin[plane]) * planes.inverse_cell[plane];
+    index = index > 0.0 ? index : 0.0;
+    index = index < planes.last_cell[plane] ? index : planes.last_cell[plane];
+    cells[plane] = std::uint16_t(std::int32_t(index));
+  }
+  return cells;
+}
+
+void find_ranges(const BoxFiling::Planes& planes, std::span<const InstanceBox> boxes, PackedRange* ranges,
+                 Bounds3d& bounds) {
+  Bounds3d all = bounds;
+  for (std::size_t k = 0; k < boxes.size(); ++k) {
+    Numbers room;
+    ranges[k] = grow(planes, boxes[k], room) ? range_of(planes, room) : kNoRange;
+    if (!boxes[k].bounds.empty()) all.extend(boxes[k].bounds);
+  }
+  bounds = all;
+}
+
+void make_records(const BoxFiling::Planes& planes, const BoxTable& boxes, std::span<const std::uint32_t> ids,
+                  BoxRecord* records) {
+  // Neighbours in a block are seldom neighbours in the table, so boxes are asked for early.
+  constexpr std::size_t kAhead = 12;
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const InstanceBox& ahead = boxes[ids[std::min(k + kAhead, ids.size() - 1)]];
+    __builtin_prefetch(&ahead);
+    __builtin_prefetch(&ahead.drift);
+    BoxRecord& record = records[k];
+    Numbers room;
+    const bool inside = grow(planes, boxes[ids[k]], room);
+    std::array<float, 6> local;
+    for (std::size_t plane = 0; plane < 6; ++plane)
+      local[plane] = float(room[plane] - planes.center[plane] + planes.rounding[plane]);
+    record.box = std::bit_cast<Bounds3f>(local);
+    record.instance_id = ids[k];
+    record.range = std::bit_cast<CellRange>(inside ? range_of(planes, room) : kNoRange);
+  }
+}
+
+}  // namespace gridcast::tlas::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace gridcast::tlas {
+
+HWY_EXPORT(find_ranges);
+HWY_EXPORT(make_records);
+
+BoxFiling::BoxFiling(const GridLayout& layout) {
+  std::memset(&planes_, 0, sizeof planes_);
+  for (std::size_t plane = 0; plane < 6; ++plane) {
+    const auto axis = int(plane % 3);
+    const double outward = plane < 3 ? -1.0 : 1.0;
+    planes_.outward[plane] = outward;
+    planes_.border[plane] = outward * (plane < 3 ? layout.bounds.lower[axis] : layout.bounds.upper[axis]);
+    planes_.origin[plane] = layout.bounds.lower[axis];
+    planes_.inverse_cell[plane] = layout.inverse_cell[axis];
+    planes_.last_cell[plane] = double(layout.cells[axis] - 1);
+    planes_.center[plane] = layout.center[axis];
+    planes_.rounding[plane] = outward * layout.outward;
+  }
+  planes_.reach = layout.reach;
+  planes_.slack = layout.slack;
+}
+
+void BoxFiling::find_ranges(std::span<const InstanceBox> boxes, PackedRange* ranges, Bounds3d& bounds) const {
+  HWY_DYNAMIC_DISPATCH(find_ranges)(planes_, boxes, ranges, bounds);
+}
+
+void BoxFiling::make_records(const BoxTable& boxes, std::span<const std::uint32_t> ids,
+                             BoxRecord* records) const {
+  HWY_DYNAMIC_DISPATCH(make_records)(planes_, boxes, ids, records);
 }
 
 }  // namespace gridcast::tlas
+#endif

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -8,26 +9,29 @@
 
 namespace gridcast::tlas {
 
-/// The records of boxes, by id, each written once. Memory that is not written first: it is as large as the
-/// boxes themselves.
-class RecordTable {
- public:
-  explicit RecordTable(std::size_t size);
-  ~RecordTable();
-  RecordTable(const RecordTable&) = delete;
-  RecordTable& operator=(const RecordTable&) = delete;
+/// A CellRange as it lies in memory, for arrays that are not written before they are filled.
+using PackedRange = std::array<std::uint16_t, 6>;
 
-  [[nodiscard]] BoxRecord* at(std::size_t id) { return records_ + id; }
-  [[nodiscard]] std::span<const BoxRecord> records() const { return {records_, size_}; }
+/// Files boxes in the cells of a grid, many at once: GridLayout::range_of and local_box bit for bit.
+class BoxFiling {
+ public:
+  explicit BoxFiling(const GridLayout& layout);
+
+  /// ranges[k] is range_of(boxes[k]); `bounds` grows to hold the boxes that are not empty.
+  void find_ranges(std::span<const InstanceBox> boxes, PackedRange* ranges, Bounds3d& bounds) const;
+  /// records[k] is that of the instance ids[k]. The box of one with an empty range means nothing.
+  void make_records(const BoxTable& boxes, std::span<const std::uint32_t> ids, BoxRecord* records) const;
+
+  /// The layout by planes, in the order of a box's memory: lower x, y, z, upper x, y, z, and two that mean
+  /// nothing.
+  struct Planes {
+    alignas(64) double outward[8];  ///< -1 or 1
+    double border[8], origin[8], inverse_cell[8], last_cell[8], center[8], rounding[8];
+    double reach, slack;  ///< see GridLayout::pad
+  };
 
  private:
-  BoxRecord* records_;
-  std::size_t size_;
+  Planes planes_;
 };
-
-/// Writes the records of boxes[0], boxes[1], ..., of instances first_id, first_id + 1, ...:
-/// GridLayout::range_of and local_box bit for bit. The box of a record with an empty range means nothing.
-void write_records(const GridLayout& layout, std::span<const InstanceBox> boxes, std::uint32_t first_id,
-                   BoxRecord* records);
 
 }  // namespace gridcast::tlas

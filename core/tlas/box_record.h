@@ -25,6 +25,9 @@ struct BoxRecord {
   }
 };
 
+/// What a slot that is not used has: an inverted box, in no cell.
+inline constexpr BoxRecord kNoRecord{{}, 0, {{65535, 65535, 65535}, {0, 0, 0}}};
+
 /// Bit k of byte s of `rows` becomes bit s of byte k: "Hacker's Delight", H. Warren, 2003, section 7-3.
 [[nodiscard]] inline std::uint64_t transpose_bits(std::uint64_t rows) {
   const auto swap = [&](std::uint32_t distance, std::uint64_t lower) {
@@ -35,22 +38,6 @@ struct BoxRecord {
   swap(14, 0x0000CCCC0000CCCC);
   swap(28, 0x00000000F0F0F0F0);
   return rows;
-}
-
-/// Writes all of a group: these instances, which are in `cell`.
-template <std::size_t kSlots>
-void set_instances(BoxGroup<kSlots>& group, std::span<const BoxRecord* const> records, const Cell& cell) {
-  std::uint64_t seen = 0;
-  for (std::size_t slot = 0; slot < records.size(); ++slot) {
-    group.set_box(slot, records[slot]->box);
-    group.links[slot] = records[slot]->instance_id;
-    seen |= std::uint64_t(records[slot]->seen_from(cell)) << (8 * slot);
-  }
-  for (std::size_t slot = records.size(); slot < kSlots; ++slot) group.links[slot] = 0;
-  group.clear_boxes(records.size());
-  seen = transpose_bits(seen);
-  for (std::size_t side = 0; side < 7; ++side) group.seen[side] = std::uint8_t(seen >> (8 * side));
-  group.next = NextGroup::kNone;
 }
 
 }  // namespace gridcast::tlas

@@ -4,6 +4,8 @@
 #include <bit>
 #include <utility>
 
+#include "core/tlas/cell_lists.h"
+
 namespace gridcast::tlas {
 namespace {
 
@@ -90,12 +92,13 @@ CellTreeBuilder::Built CellTreeBuilder::leaf(std::span<const Key> keys) {
   const std::size_t at = used_++;
   Built built{std::uint32_t(at) | tree_link::kLeafBit, {}, ~0U};
   const BoxRecord* records[kSlots];
+  std::fill(std::begin(records), std::end(records), &kNoRecord);
   for (std::size_t slot = 0; slot < keys.size(); ++slot) {
     records[slot] = records_[std::uint32_t(keys[slot])];
     built.box.extend(records[slot]->box);
     built.seen &= records[slot]->seen_from(cell_);
   }
-  set_instances<kSlots>(groups_[at], {records, keys.size()}, cell_);
+  write_group(records, CellNumbers(cell_), groups_[at]);
   return built;
 }
 

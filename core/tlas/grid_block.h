@@ -44,6 +44,7 @@ class alignas(64) GridBlock {
 
  private:
   friend class BlockBuilder;
+  friend class BlockSlot;
   static constexpr std::size_t kStartsOffset = 28;
   GridBlock() = default;
   /// With room for the groups, which the builder writes from first_group_line() on.

@@ -101,6 +101,17 @@ GridLayout frame(const Bounds3d& bounds) {
   return layout;
 }
 
+/// The same cells, but larger, so that there is room on each side.
+void widen(GridLayout& layout, const Vec3d& room) {
+  layout.bounds.lower -= room;
+  layout.bounds.upper += room;
+  for (int axis = 0; axis < 3; ++axis) {
+    layout.cell[axis] = layout.bounds.extent()[axis] / double(layout.cells[axis]);
+    layout.inverse_cell[axis] = double(layout.cells[axis]) / layout.bounds.extent()[axis];
+  }
+  layout.prepare();
+}
+
 /// See BoxSums::share: the occupied cells of a coarse grid over some of the boxes, as a part of those that as
 /// many boxes spread at random would occupy.
 double occupied_share(const BoxSums& sums, const BoxTable& boxes) {
@@ -202,7 +213,7 @@ Bounds3d bounds_of(const BoxTable& boxes) {
       });
 }
 
-GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells) {
+GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells, double room) {
   if (sums.count == 0.0) return {std::nullopt, "There is nothing to hit."};
   if (sums.count == 1.0) return {std::nullopt, "One instance needs no grid."};
   GridLayout layout = frame(sums.bounds);
@@ -220,6 +231,8 @@ GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells) {
     best_cost = expected.cost;
     best = layout;
   }
+  // Afterwards, so that a flat grid stays flat.
+  if (room > 0.0) widen(best, room / sums.count * sums.extent);
   if (best.cell_count() == 1) {
     return {best,
             describe("No grid is expected to be faster than the boxes of all %.0f instances side by side "

@@ -61,7 +61,11 @@ struct GridChoice {
 };
 
 /// The cheapest resolution by the cost model within the memory bounds and of at most `most_cells` cells; one
-/// cell where a grid does not pay, none for a single instance.
-[[nodiscard]] GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells);
+/// cell where a grid does not pay, none for a single instance. On each side of the boxes there is room for
+/// `room` of the mean box.
+[[nodiscard]] GridChoice choose_grid(const BoxSums& sums, std::uint64_t most_cells, double room = 0.0);
+
+/// Room for instances that move on, as choose_grid() takes it.
+inline constexpr double kRoomToMove = 0.5;
 
 }  // namespace gridcast::tlas

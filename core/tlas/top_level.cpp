@@ -77,37 +77,81 @@ TopLevel TopLevel::build(BoxTable boxes, TopLevelChoice choice) {
   TopLevel level;
   level.choice_ = choice;
   level.boxes_ = std::move(boxes);
-  level.build_grid();
+  level.build_grid(false);
   level.build_ms_ =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   return level;
 }
 
-void TopLevel::build_grid() {
+void TopLevel::build_grid(bool moving) {
   const BoxSums sums = sum_boxes(boxes_);
   bounds_ = sums.bounds;
   reachable_ = std::size_t(sums.count);
+  has_room_ = moving;
+  changes_since_build_ = changes_at_look_ = 0;
+  grid_.reset();
   GridChoice chosen{std::nullopt, "No grid was asked for."};
   // The estimate of the memory is for boxes spread evenly; where it was too low, again with fewer cells.
   for (std::uint64_t most_cells = max_cells(reachable_); choice_ == TopLevelChoice::kAuto; most_cells /= 2) {
-    chosen = choose_grid(sums, most_cells);
+    chosen = choose_grid(sums, most_cells, moving ? kRoomToMove : 0.0);
     if (!chosen.layout) break;
     most_cells = chosen.layout->cell_count();
     grid_.emplace(*chosen.layout, boxes_);
-    if (grid_->memory_bytes() <= max_bytes(reachable_) || most_cells == 1) break;
+    if (grid_->block_bytes() <= max_bytes(reachable_) || most_cells == 1) break;
   }
   reason_ = std::move(chosen.reason);
-  if (grid_ && grid_->tree_count() > 0) {
-    reason_ += " Crowded cells with a tree: ";
-    reason_ += std::to_string(grid_->tree_count());
-    reason_ += ".";
+  if (grid_) {
+    at_choice_ = grid_->at_build();
+    if (const std::size_t trees = grid_->tree_count(); trees > 0) {
+      reason_ += " Crowded cells with a tree: ";
+      reason_ += std::to_string(trees);
+      reason_ += ".";
+    }
   }
+  list_always();
+  outside_at_build_ = always_.size();
+}
+
+void TopLevel::list_always() {
+  always_.clear();
   for (std::uint32_t id = 0; id < boxes_.size(); ++id) {
-    if (grid_ && grid_->filed_at_build() == reachable_) break;
+    if (grid_ && grid_->at_build().filed == reachable_) break;
     if (boxes_[id].bounds.empty()) continue;
     if (!grid_ || grid_->layout().range_of(boxes_[id]).empty()) always_.push_back(id);
   }
-  outside_at_build_ = always_.size();
+}
+
+namespace {
+
+/// Whether a number is within a quarter of what it was.
+bool about(double now, double before) {
+  return 4.0 * now <= 5.0 * before && 4.0 * before <= 5.0 * now;
+}
+
+bool fills_half(const Bounds3d& bounds, const GridLayout& layout) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (layout.cells[axis] > 1 && 2.0 * bounds.extent()[axis] < layout.bounds.extent()[axis]) return false;
+  return true;
+}
+
+}  // namespace
+
+bool TopLevel::refile() {
+  if (!grid_ || !has_room_) return false;
+  UniformGrid grid(grid_->layout(), boxes_, MakeBlocks::kWhenAsked);
+  const FilingSummary& now = grid.at_build();
+  const std::size_t outside = now.reachable - now.filed;
+  if (outside > outside_at_build_ + kFreeOutside ||
+      !about(double(now.reachable), double(at_choice_.reachable)) ||
+      !about(double(now.references), double(at_choice_.references)) ||
+      !about(now.crowding, at_choice_.crowding) || !fills_half(now.bounds, grid.layout()))
+    return false;
+  bounds_ = now.bounds;
+  reachable_ = now.reachable;
+  grid_ = std::move(grid);
+  list_always();
+  changes_since_build_ = changes_at_look_ = 0;
+  return true;
 }
 
 void TopLevel::traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const {
@@ -161,16 +205,13 @@ bool TopLevel::worth_rebuilding(std::size_t changes) const {
   if (2 * (changes_since_build_ + changes) >= reachable_ + changes) return true;
   if (!grid_) return false;
   return always_.size() > outside_at_build_ + kFreeOutside + reachable_ / kOutsideShare ||
-         grid_->memory_bytes() > 2 * max_bytes(reachable_);
+         grid_->block_bytes() > 2 * max_bytes(reachable_);
 }
 
 bool TopLevel::shrunk() {
   changes_at_look_ = changes_since_build_;
   bounds_ = bounds_of(boxes_);
-  const GridLayout& layout = grid_->layout();
-  for (int axis = 0; axis < 3; ++axis)
-    if (layout.cells[axis] > 1 && 2.0 * bounds_.extent()[axis] < layout.bounds.extent()[axis]) return true;
-  return false;
+  return !fills_half(bounds_, grid_->layout());
 }
 
 void TopLevel::replace(std::uint32_t id, const InstanceBox& old, std::vector<RangeChange>& range_changes) {
@@ -192,6 +233,7 @@ void TopLevel::replace(std::uint32_t id, const InstanceBox& old, std::vector<Ran
 }
 
 void TopLevel::update(BoxTable boxes, std::span<const std::uint32_t> changed) {
+  const auto start = std::chrono::steady_clock::now();
   const BoxTable before = std::exchange(boxes_, std::move(boxes));
   if (!worth_rebuilding(changed.size())) {
     std::vector<RangeChange> range_changes;
@@ -202,7 +244,8 @@ void TopLevel::update(BoxTable boxes, std::span<const std::uint32_t> changed) {
     const bool look = grid_ && kLookShare * (changes_since_build_ - changes_at_look_) >= reachable_;
     if (!worth_rebuilding(0) && !(look && shrunk())) return;
   }
-  *this = build(std::move(boxes_), choice_);
+  if (!refile()) build_grid(true);
+  build_ms_ = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
 }
 
 }  // namespace gridcast::tlas

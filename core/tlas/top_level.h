@@ -68,6 +68,8 @@ class TopLevel {
   /// passed, or when the boxes fill less than half of the grid along an axis: that is looked at, in linear
   /// time too, when a 128th of the instances has changed. So the resolution follows where the instances are,
   /// and the changes pay for it.
+  /// Where the boxes are spread about as they were when the layout of the grid was chosen, it keeps that
+  /// layout, and the blocks of the new grid are made when somebody first looks at them.
   void update(BoxTable boxes, std::span<const std::uint32_t> changed);
 
   /// Calls `visit(instance_id)` once for every instance that can hold a hit in [ray.tnear, far], roughly
@@ -145,7 +147,11 @@ class TopLevel {
   void traverse_all(const Ray& ray, double far, const InstanceVisitor& visitor) const;
   void traverse_group_all(std::span<const Ray* const> rays, double* far, const GroupVisitor& visitor) const;
   void search_all(const Vec3d& point, double radius, const NearVisitor& visitor) const;
-  void build_grid();
+  /// `moving` leaves room for instances that move on.
+  void build_grid(bool moving);
+  void list_always();
+  /// Files all boxes in the layout that there is; whether that is still as good as a new one.
+  [[nodiscard]] bool refile();
 
   BoxTable boxes_;
   std::optional<UniformGrid> grid_;
@@ -156,6 +162,8 @@ class TopLevel {
   std::size_t changes_since_build_ = 0;  ///< boxes replaced or added
   std::size_t outside_at_build_ = 0;     ///< size of always_ then
   std::size_t changes_at_look_ = 0;      ///< changes_since_build_ when shrunk() was last asked
+  FilingSummary at_choice_;              ///< when the layout was chosen
+  bool has_room_ = false;                ///< the layout leaves room for instances that move on
   std::string reason_;
   double build_ms_ = 0.0;
 };

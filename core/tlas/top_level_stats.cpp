@@ -1,6 +1,7 @@
 // What a top level is made of, and whether it is sound.
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <vector>
 
@@ -45,10 +46,13 @@ std::size_t TopLevel::memory_bytes() const {
 }
 
 UniformGrid::Stats UniformGrid::stats() const {
+  make_blocks();
   Stats stats;
   for (std::uint32_t b = 0; b < layout_.block_count(); ++b) {
     const GridBlock* held = block(b);
     if (held == nullptr) continue;
+    stats.tree_cells += held->tree_count();
+    stats.occupied_cells += std::size_t(std::popcount(held->occupancy()));
     for (std::uint32_t local = 0; local < 64; ++local) {
       if (!held->occupied(local)) continue;
       std::size_t count = 0;
@@ -67,17 +71,20 @@ TopLevelStats TopLevel::stats() const {
   stats.bounds = bounds_;
   stats.instance_count = reachable_;
   stats.always_tested = always_.size();
-  stats.memory_bytes = memory_bytes();
   stats.build_ms = build_ms_;
-  if (!grid_) return stats;
+  if (!grid_) {
+    stats.memory_bytes = memory_bytes();
+    return stats;
+  }
 
   const GridLayout& layout = grid_->layout();
   const UniformGrid::Stats cells = grid_->stats();
   std::copy(std::begin(layout.cells), std::end(layout.cells), std::begin(stats.cells));
   stats.bounds = layout.bounds;
   stats.cell_count = layout.cell_count();
-  stats.occupied_cells = grid_->occupied_cells();
-  stats.tree_cells = grid_->tree_count();
+  stats.memory_bytes = memory_bytes();  // with the blocks that this has made
+  stats.occupied_cells = cells.occupied_cells;
+  stats.tree_cells = cells.tree_cells;
   stats.reference_count = grid_->reference_count();
   stats.max_references_in_cell = cells.max_references_in_cell;
   Bounds3d scene;

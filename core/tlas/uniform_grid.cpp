@@ -1,8 +1,6 @@
 #include "core/tlas/uniform_grid.h"
 
 #include <algorithm>
-#include <bit>
-#include <numeric>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -11,110 +9,15 @@
 #include <tbb/parallel_for.h>
 
 #include "core/tlas/block_builder.h"
-#include "core/tlas/box_filing.h"
 
 namespace gridcast::tlas {
 namespace {
 
-/// Tasks of the counting sort, each with a histogram: so many instances each at least, and all histograms
-/// together with no more entries than twice the instances.
-constexpr std::size_t kInstancesPerTask = 1024;
-constexpr std::size_t kMaxTasks = 64;
-
-std::size_t task_count(std::size_t instances, std::size_t blocks) {
-  return std::clamp<std::size_t>(std::min(instances / kInstancesPerTask, 2 * instances / blocks), 1,
-                                 kMaxTasks);
-}
-
-/// Instances by the blocks that they reach into, each block's ascending.
-class BlockLists {
- public:
-  // A counting sort without atomics: one histogram per task, so that the order within a block is that of the
-  // ids whatever the threads do.
-  BlockLists(const GridLayout& layout, const BoxTable& boxes)
-      : layout_(layout),
-        boxes_(boxes),
-        tasks_(task_count(boxes.size(), layout.block_count())),
-        table_(boxes.size()) {
-    const std::size_t blocks = layout.block_count();
-    std::vector<std::vector<std::uint32_t>> next(tasks_);
-    std::vector<float> drifts(tasks_, 0.F);
-    std::vector<std::size_t> filed(tasks_, 0);
-    tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) {
-      next[task].resize(blocks, 0);
-      std::tie(filed[task], drifts[task]) = count(task, next[task]);
-    });
-    max_drift_ = *std::max_element(drifts.begin(), drifts.end());
-    filed_ = std::accumulate(filed.begin(), filed.end(), std::size_t(0));
-    starts_.resize(blocks + 1);
-    std::uint32_t total = 0;
-    for (std::size_t block = 0; block < blocks; ++block) {
-      starts_[block] = total;
-      for (std::size_t task = 0; task < tasks_; ++task) total += std::exchange(next[task][block], total);
-    }
-    starts_[blocks] = total;
-    ids_.resize(total);
-    tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) {
-      for (std::size_t i = begin(task); i < begin(task + 1); ++i)
-        for_each_block(records()[i].range,
-                       [&](std::size_t block) { ids_[next[task][block]++] = std::uint32_t(i); });
-    });
-  }
-
-  [[nodiscard]] std::span<const std::uint32_t> operator[](std::size_t block) const {
-    return {ids_.data() + starts_[block], ids_.data() + starts_[block + 1]};
-  }
-  [[nodiscard]] std::span<const BoxRecord> records() const { return table_.records(); }  ///< by id
-  [[nodiscard]] float max_drift() const { return max_drift_; }
-  [[nodiscard]] std::size_t filed() const { return filed_; }  ///< instances in any block
-
- private:
-  /// Whole chunks of the table of boxes.
-  [[nodiscard]] std::size_t begin(std::size_t task) const {
-    constexpr std::size_t kChunk = BoxTable::kChunkSize;
-    const std::size_t chunks = (boxes_.size() + kChunk - 1) / kChunk;
-    return std::min(chunks * task / tasks_ * kChunk, boxes_.size());
-  }
-
-  /// Makes the records of a task's instances and counts them by block; returns how many are filed, and the
-  /// largest drift of these.
-  std::pair<std::size_t, float> count(std::size_t task, std::vector<std::uint32_t>& counts) {
-    std::size_t filed = 0;
-    float max_drift = 0.F;
-    for (std::size_t first = begin(task); first < begin(task + 1); first += BoxTable::kChunkSize) {
-      const std::size_t size = std::min(BoxTable::kChunkSize, boxes_.size() - first);
-      const std::span<const InstanceBox> boxes = boxes_.chunk(first).first(size);
-      if (first + size < begin(task + 1))
-        for (const InstanceBox& next : boxes_.chunk(first + size)) __builtin_prefetch(&next);
-      write_records(layout_, boxes, std::uint32_t(first), table_.at(first));
-      for (std::size_t k = 0; k < size; ++k) {
-        const CellRange& range = records()[first + k].range;
-        if (range.empty()) continue;
-        max_drift = std::max(max_drift, boxes[k].drift);
-        ++filed;
-        for_each_block(range, [&](std::size_t block) { ++counts[block]; });
-      }
-    }
-    return {filed, max_drift};
-  }
-
-  template <class Visit>
-  void for_each_block(const CellRange& range, const Visit& visit) const {
-    layout_.blocks_of(range).for_each([&](const Cell& block) {
-      visit((block[2] * std::size_t(layout_.blocks[1]) + block[1]) * layout_.blocks[0] + block[0]);
-    });
-  }
-
-  const GridLayout& layout_;
-  const BoxTable& boxes_;
-  std::size_t tasks_;
-  RecordTable table_;
-  std::vector<std::uint32_t> starts_, ids_;
-  float max_drift_ = 0.F;
-  std::size_t filed_ = 0;
-};
-
 constexpr std::size_t kBlocksPerTask = 4;
+
+std::int64_t bytes_of(const GridBlock* block) {
+  return block == nullptr ? 0 : std::int64_t(block->memory_bytes());
+}
 
 /// Calls make(builder, k) for 0 .. count - 1 in parallel, with copies of `builder`.
 template <class Make>
@@ -128,34 +31,40 @@ void make_in_parallel(std::size_t count, const BlockBuilder& builder, const Make
 
 }  // namespace
 
-// Counting sorts, no atomics: instances by block, then within each block by cell.
-UniformGrid::UniformGrid(const GridLayout& layout, const BoxTable& boxes) : layout_(layout) {
-  const std::size_t blocks = layout_.block_count();
-  blocks_.grow(blocks);
-  const BlockLists lists(layout_, boxes);
-  max_drift_ = lists.max_drift();
-  filed_at_build_ = lists.filed();
-  make_in_parallel(blocks, BlockBuilder(layout_, boxes, lists.records()),
+UniformGrid::UniformGrid(const GridLayout& layout, const BoxTable& boxes, MakeBlocks when) : layout_(layout) {
+  const auto source = std::make_shared<BlockSource>(layout_, boxes);
+  source_ = source;
+  max_drift_ = at_build().max_drift;
+  reference_count_ = at_build().references;
+  const std::size_t count = layout_.block_count();
+  blocks_.grow(count);
+  if (when == MakeBlocks::kWhenAsked) {
+    for (std::size_t b = 0; b < count; ++b)
+      if (!source->listed(b).empty()) blocks_.write(b) = BlockSlot::unmade();
+    return;
+  }
+  make_in_parallel(count, BlockBuilder(layout_, source->shape(), boxes, Helpers::kThreads),
                    [&](BlockBuilder& builder, std::size_t b) {
-                     if (!lists[b].empty()) blocks_.write(b) = builder.make(std::uint32_t(b), lists[b]);
+                     if (!source->listed(b).empty())
+                       blocks_.write(b) = BlockSlot(builder.make(std::uint32_t(b), source->listed(b)));
                    });
-  for (std::size_t b = 0; b < blocks; ++b) count_in(blocks_[b].get());
+  source->forget();
+  for (std::uint32_t b = 0; b < count; ++b) edited_bytes_ += bytes_of(block(b));
 }
 
-void UniformGrid::count_in(const GridBlock* block) {
-  if (block == nullptr) return;
-  reference_count_ += block->reference_count();
-  block_bytes_ += block->memory_bytes();
-  tree_count_ += block->tree_count();
-  occupied_cells_ += std::size_t(std::popcount(block->occupancy()));
+void UniformGrid::make_blocks() const {
+  using Range = tbb::blocked_range<std::uint32_t>;
+  tbb::parallel_for(Range(0, std::uint32_t(blocks_.size()), kBlocksPerTask), [&](const Range& range) {
+    for (std::uint32_t b = range.begin(); b < range.end(); ++b) static_cast<void>(block(b));
+  });
 }
 
-void UniformGrid::count_out(const GridBlock* block) {
-  if (block == nullptr) return;
-  reference_count_ -= block->reference_count();
-  block_bytes_ -= block->memory_bytes();
-  tree_count_ -= block->tree_count();
-  occupied_cells_ -= std::size_t(std::popcount(block->occupancy()));
+std::size_t UniformGrid::tree_count() const {
+  make_blocks();
+  std::size_t count = 0;
+  for (std::uint32_t b = 0; b < blocks_.size(); ++b)
+    if (const GridBlock* held = block(b)) count += held->tree_count();
+  return count;
 }
 
 namespace {
@@ -225,8 +134,10 @@ std::shared_ptr<const GridBlock> edited(BlockBuilder& builder, const GridBlock* 
 }  // namespace
 
 void UniformGrid::apply(std::span<const RangeChange> changes, const BoxTable& boxes) {
-  for (const RangeChange& change : changes)
+  for (const RangeChange& change : changes) {
     if (!change.after.empty()) max_drift_ = std::max(max_drift_, boxes[change.instance_id].drift);
+    reference_count_ += change.after.cell_count() - change.before.cell_count();
+  }
   const std::vector<ListEdit> edits = list_edits(layout_, changes);
   std::vector<std::size_t> begins;  // of each block's edits
   for (std::size_t i = 0; i < edits.size(); ++i)
@@ -234,15 +145,19 @@ void UniformGrid::apply(std::span<const RangeChange> changes, const BoxTable& bo
   begins.push_back(edits.size());
 
   std::vector<std::shared_ptr<const GridBlock>> made(begins.size() - 1);
-  make_in_parallel(made.size(), BlockBuilder(layout_, boxes), [&](BlockBuilder& builder, std::size_t k) {
-    const std::span<const ListEdit> here(edits.data() + begins[k], edits.data() + begins[k + 1]);
-    made[k] = edited(builder, block(here[0].block), here);
-  });
+  make_in_parallel(
+      made.size(), BlockBuilder(layout_, source_->shape(), boxes, Helpers::kThreads),
+      [&](BlockBuilder& builder, std::size_t k) {
+        const std::span<const ListEdit> here(edits.data() + begins[k], edits.data() + begins[k + 1]);
+        const std::uint32_t index = here[0].block;
+        made[k] = blocks_[index].is_made() ? edited(builder, block(index), here)
+                                           : builder.make(index, merged(source_->listed(index), here));
+      });
   for (std::size_t k = 0; k < made.size(); ++k) {
     const std::uint32_t index = edits[begins[k]].block;
-    count_out(block(index));
-    count_in(made[k].get());
-    blocks_.write(index) = std::move(made[k]);
+    if (blocks_[index].is_made()) edited_bytes_ -= bytes_of(block(index));
+    edited_bytes_ += bytes_of(made[k].get());
+    blocks_.write(index) = BlockSlot(std::move(made[k]));
   }
 }
 

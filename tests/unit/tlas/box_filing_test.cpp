@@ -2,11 +2,13 @@
 
 #include "core/tlas/box_filing.h"
 
+#include <bit>
 #include <cstring>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "core/math/instruction_set.h"
 #include "core/tlas/grid_cost.h"
 #include "tests/support/random.h"
 
@@ -43,27 +45,49 @@ GridLayout layout_of_a_grid(std::uint32_t x, std::uint32_t y, std::uint32_t z) {
   return layout;
 }
 
-TEST(BoxFiling, records_are_those_of_the_layout_bit_for_bit) {
+/// Ids in an order that jumps about, some of them twice.
+std::vector<std::uint32_t> some_ids(std::size_t count, test::Random& random) {
+  std::vector<std::uint32_t> ids(count);
+  for (std::uint32_t& id : ids) id = random.below(std::uint32_t(count));
+  return ids;
+}
+
+TEST(BoxFiling, ranges_and_records_are_those_of_the_layout_bit_for_bit_with_every_instruction_set) {
   test::Random random(test::seed_or(141));
-  for (const GridLayout& layout : {layout_of_a_grid(16, 16, 16), layout_of_a_grid(1, 1, 1),
-                                   layout_of_a_grid(65535, 1, 3), layout_of_a_grid(7, 500, 2)}) {
-    const std::vector<InstanceBox> boxes = awkward_boxes(5000, random);
-    RecordTable table(boxes.size());
-    write_records(layout, boxes, 17, table.at(0));
-    std::size_t filed = 0, left_out = 0;
-    for (std::size_t i = 0; i < boxes.size(); ++i) {
-      const BoxRecord& record = table.records()[i];
-      const CellRange range = layout.range_of(boxes[i]);
-      ASSERT_EQ(record.instance_id, 17 + i);
-      ASSERT_EQ(record.range, range) << i;
-      (range.empty() ? left_out : filed)++;
-      if (range.empty()) continue;
-      const Bounds3f local = layout.local_box(layout.grown(boxes[i]));
-      ASSERT_EQ(std::memcmp(&record.box, &local, sizeof local), 0) << i;
+  for (const std::string_view isa : instruction_sets()) {
+    SCOPED_TRACE(isa);
+    ASSERT_TRUE(limit_instruction_set(isa).ok());
+    for (const GridLayout& layout : {layout_of_a_grid(16, 16, 16), layout_of_a_grid(1, 1, 1),
+                                     layout_of_a_grid(65535, 1, 3), layout_of_a_grid(7, 500, 2)}) {
+      const std::vector<InstanceBox> boxes = awkward_boxes(3000, random);
+      BoxTable table;
+      for (const InstanceBox& box : boxes) table.push_back(box);
+      const BoxFiling filing(layout);
+      std::vector<PackedRange> ranges(boxes.size());
+      Bounds3d bounds, expected_bounds;
+      filing.find_ranges(boxes, ranges.data(), bounds);
+      const std::vector<std::uint32_t> ids = some_ids(boxes.size(), random);
+      std::vector<BoxRecord> records(ids.size());
+      filing.make_records(table, ids, records.data());
+      std::size_t filed = 0, left_out = 0;
+      for (std::size_t i = 0; i < boxes.size(); ++i) {
+        const CellRange range = layout.range_of(boxes[i]);
+        ASSERT_EQ(std::bit_cast<CellRange>(ranges[i]), range) << i;
+        if (!boxes[i].bounds.empty()) expected_bounds.extend(boxes[i].bounds);
+        (range.empty() ? left_out : filed)++;
+        const InstanceBox& box = boxes[ids[i]];
+        ASSERT_EQ(records[i].instance_id, ids[i]);
+        ASSERT_EQ(records[i].range, layout.range_of(box)) << i;
+        if (records[i].range.empty()) continue;
+        const Bounds3f local = layout.local_box(layout.grown(box));
+        ASSERT_EQ(std::memcmp(&records[i].box, &local, sizeof local), 0) << i;
+      }
+      EXPECT_EQ(bounds, expected_bounds);
+      EXPECT_GT(filed, 500U);
+      EXPECT_GT(left_out, 500U);
     }
-    EXPECT_GT(filed, 1000U);
-    EXPECT_GT(left_out, 1000U);
   }
+  ASSERT_TRUE(limit_instruction_set(kNativeInstructionSet).ok());
 }
 
 }  // namespace
