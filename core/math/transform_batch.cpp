@@ -6,10 +6,26 @@
 #include "core/math/transform_batch.h"
 
 #include <bit>
+#include <cstddef>
 #include <cstring>
+#include <type_traits>
 
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
+
+#ifndef GRIDCAST_TRANSFORM_LANES
+#define GRIDCAST_TRANSFORM_LANES
+namespace gridcast {
+namespace {
+/// All that InstanceTransform holds, of eight.
+struct TransformLanes {
+  const TransformBatch::MatrixLanes &linear, &inverse;
+  const TransformBatch::VectorLanes& translation;
+  const TransformBatch::Lanes &condition, &round_trip_error, &active;
+};
+}  // namespace
+}  // namespace gridcast
+#endif
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::HWY_NAMESPACE {
@@ -147,6 +163,32 @@ std::uint32_t invert(const MatrixLanes& linear, const VectorLanes& translation, 
   return active;
 }
 
+/// Numbers 4 k to 4 k + 3 of each of the eight, beside each other.
+using Quarters = double[TransformBatch::kSize][4];
+
+HWY_INLINE void interleave(const Lanes& a, const Lanes& b, const Lanes& c, const Lanes& e, Quarters& rows) {
+  const D d;
+  for (std::size_t lane = 0; lane < TransformBatch::kSize; lane += hn::Lanes(d))
+    hn::StoreInterleaved4(hn::Load(d, a.data() + lane), hn::Load(d, b.data() + lane),
+                          hn::Load(d, c.data() + lane), hn::Load(d, e.data() + lane), d, rows[lane]);
+}
+
+/// Writes the lanes to eight places one after the other, as InstanceTransform lies in memory.
+void scatter(const TransformLanes& from, std::byte* const* to, std::size_t count) {
+  alignas(64) Quarters quarters[6];
+  const MatrixLanes &a = from.linear, &b = from.inverse;
+  const VectorLanes& t = from.translation;
+  interleave(a[0][0], a[0][1], a[0][2], a[1][0], quarters[0]);
+  interleave(a[1][1], a[1][2], a[2][0], a[2][1], quarters[1]);
+  interleave(a[2][2], t[0], t[1], t[2], quarters[2]);
+  interleave(b[0][0], b[0][1], b[0][2], b[1][0], quarters[3]);
+  interleave(b[1][1], b[1][2], b[2][0], b[2][1], quarters[4]);
+  interleave(b[2][2], from.condition, from.round_trip_error, from.active, quarters[5]);
+  for (std::size_t lane = 0; lane < count; ++lane)
+    for (std::size_t k = 0; k < 6; ++k)
+      std::memcpy(to[lane] + k * sizeof quarters[k][lane], quarters[k][lane], sizeof quarters[k][lane]);
+}
+
 }  // namespace gridcast::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
@@ -154,6 +196,7 @@ HWY_AFTER_NAMESPACE();
 namespace gridcast {
 
 HWY_EXPORT(invert);
+HWY_EXPORT(scatter);
 
 TransformBatch::TransformBatch() {
   for (std::size_t lane = 0; lane < kSize; ++lane) set(lane, {});
@@ -184,46 +227,25 @@ void TransformBatch::get(std::size_t lane, InstanceTransform& transform) const {
   transform.active_ = ((active_ >> lane) & 1U) != 0;
 }
 
-namespace {
-
-/// So many numbers of each transform, beside each other.
-template <std::size_t kNumbers>
-using Rows = std::array<std::array<double, kNumbers>, TransformBatch::kSize>;
-
-/// Lanes a and b become numbers `at` and `at` + 1 of each row. Written so that compilers make vectors of it.
-template <std::size_t kNumbers>
-void interleave(const TransformBatch::Lanes& a, const TransformBatch::Lanes& b, std::size_t at,
-                Rows<kNumbers>& rows) {
-  double pairs[TransformBatch::kSize][2];
-  for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane) {
-    pairs[lane][0] = a[lane];
-    pairs[lane][1] = b[lane];
-  }
-  for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane)
-    std::memcpy(&rows[lane][at], pairs[lane], sizeof pairs[lane]);
-}
-
-}  // namespace
+static_assert(sizeof(InstanceTransform) == 24 * sizeof(double) &&
+              std::is_trivially_copyable_v<InstanceTransform>);
 
 void TransformBatch::get(std::span<InstanceTransform* const> transforms) const {
-  Rows<12> placed;
-  Rows<9> inverse;
-  const auto entry = [](const MatrixLanes& m, std::size_t i) -> const Lanes& { return m[i / 3][i % 3]; };
-  for (std::size_t i = 0; i < 8; i += 2) {
-    interleave(entry(linear_, i), entry(linear_, i + 1), i, placed);
-    interleave(entry(inverse_, i), entry(inverse_, i + 1), i, inverse);
-  }
-  interleave(linear_[2][2], translation_[0], 8, placed);
-  interleave(translation_[1], translation_[2], 10, placed);
+  // A transform is written as the 24 doubles that it takes in memory: the last is `active_` and its padding.
+  static_assert(offsetof(InstanceTransform, object_from_world_linear_) == 12 * sizeof(double));
+  static_assert(offsetof(InstanceTransform, condition_) == 21 * sizeof(double));
+  static_assert(offsetof(InstanceTransform, round_trip_error_) == 22 * sizeof(double));
+  static_assert(offsetof(InstanceTransform, active_) == 23 * sizeof(double));
+  alignas(64) Lanes active;
+  std::byte* places[kSize];
+  for (std::size_t lane = 0; lane < kSize; ++lane)
+    active[lane] = std::bit_cast<double>(std::uint64_t((active_ >> lane) & 1U));
   for (std::size_t lane = 0; lane < transforms.size(); ++lane) {
-    inverse[lane][8] = inverse_[2][2][lane];
-    InstanceTransform& transform = *transforms[lane];
-    transform.world_from_object_ = std::bit_cast<Affine>(placed[lane]);
-    transform.object_from_world_linear_ = std::bit_cast<Mat3d>(inverse[lane]);
-    transform.condition_ = condition_[lane];
-    transform.round_trip_error_ = round_trip_error_[lane];
-    transform.active_ = ((active_ >> lane) & 1U) != 0;
+    void* const place = transforms[lane];
+    places[lane] = static_cast<std::byte*>(place);
   }
+  HWY_DYNAMIC_DISPATCH(scatter)
+  ({linear_, inverse_, translation_, condition_, round_trip_error_, active}, places, transforms.size());
 }
 
 }  // namespace gridcast

@@ -58,7 +58,7 @@ struct RefitRow {
 /// instances with.
 struct InstanceRow {
   std::string scene, engine, structure;
-  std::string update;  ///< build (all boxes known), all_moved, one_percent_moved
+  std::string update;  ///< build (all boxes known), all_moved, all_moved_and_looked_at, one_percent_moved
   std::size_t threads = 1;
   std::uint64_t instances = 0, moved = 0;
   double ms = 0.0, ns_per_moved = 0.0;

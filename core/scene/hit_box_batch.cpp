@@ -29,16 +29,38 @@ struct Reaches {
 /// The reaches of a mesh, or those of each lane's, looked up.
 class OneHull {
  public:
-  HWY_INLINE explicit OneHull(const MeshHull& hull) : hull_(hull) {}
-  [[nodiscard]] HWY_INLINE V magnitude() const { return hn::Set(D(), double(hull_.magnitude())); }
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  // All of them in two registers.
+  HWY_INLINE explicit OneHull(const MeshHull& hull)
+      : magnitude_(double(hull.magnitude())),
+        first_(_mm512_loadu_ps(hull.numbered() - MeshHull::kLargestNumber)),
+        second_(_mm512_maskz_loadu_ps(kRest, hull.numbered() - MeshHull::kLargestNumber + 16)) {}
+  [[nodiscard]] HWY_INLINE V along(V numbers) const {
+    const __m256i places = _mm512_cvttpd_epi32((numbers + hn::Set(D(), MeshHull::kLargestNumber)).raw);
+    const __m512 found = _mm512_permutex2var_ps(first_, _mm512_castsi256_si512(places), second_);
+    return V{_mm512_cvtps_pd(_mm512_castps512_ps256(found))};
+  }
+#else
+  HWY_INLINE explicit OneHull(const MeshHull& hull)
+      : magnitude_(double(hull.magnitude())), numbered_(hull.numbered()) {}
   [[nodiscard]] HWY_INLINE V along(V numbers) const {
     const hn::Rebind<float, D> f;
     const hn::Rebind<std::int32_t, D> i;
-    return hn::PromoteTo(D(), hn::GatherIndex(f, hull_.numbered(), hn::DemoteTo(i, numbers)));
+    return hn::PromoteTo(D(), hn::GatherIndex(f, numbered_, hn::DemoteTo(i, numbers)));
+  }
+#endif
+  [[nodiscard]] HWY_INLINE V magnitude() const {
+    return hn::Set(D(), magnitude_);
   }
 
  private:
-  const MeshHull& hull_;
+  double magnitude_;
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  static constexpr __mmask16 kRest = (1U << (MeshHull::kNumbers - 16)) - 1U;
+  __m512 first_, second_;
+#else
+  const float* numbered_;
+#endif
 };
 class HullOfEachLane {
  public:

@@ -58,12 +58,13 @@ class MeshHull {
   [[nodiscard]] float along(int number) const { return numbered()[number]; }
   /// All of them, to be indexed by the number, from -13 to 13.
   [[nodiscard]] const float* numbered() const { return reach_.data() + kLargestNumber; }
+  static constexpr int kLargestNumber = 13;  ///< 0 is unused
+  static constexpr int kNumbers = 2 * kLargestNumber + 1;
 
  private:
-  static constexpr int kLargestNumber = 13;  // 0 is unused
   [[nodiscard]] float& at(int number) { return reach_[std::size_t(number) + kLargestNumber]; }
 
-  std::array<float, 2 * kLargestNumber + 1> reach_{};
+  std::array<float, kNumbers> reach_{};
   float magnitude_ = -1.F;
 };
 

@@ -73,9 +73,6 @@ class Mover {
   }
 
  private:
-  /// Memory is asked for so many moves before it is used.
-  static constexpr std::size_t kAhead = Instances::kChunkSize;
-
   /// What of an instance stays.
   struct Kept {
     std::uint32_t mesh_id = kInvalidId;
@@ -96,20 +93,23 @@ class Mover {
   /// Moves [begin, end), all of one chunk of the instances.
   void move_chunk(std::size_t begin, std::size_t end) {
     // What stays of each, before the chunk is written.
+    const std::uint32_t first = moves_.id(begin);
+    const Instance* const old = first < instances_.size() ? instances_.chunk(first).data() : nullptr;
     bool sound = true;
     for (std::size_t k = begin; k < end; ++k) {
-      ask_for(k + kAhead);
       const std::uint32_t id = moves_.id(k);
-      if (id >= instances_.size() || !instances_[id].alive || moves_.repeated(k)) {
+      const Instance* const slot = id < instances_.size() ? &old[id % Instances::kChunkSize] : nullptr;
+      if (slot == nullptr || !slot->alive || moves_.repeated(k)) {
         note_wrong(k);
         sound = false;
       } else {
-        kept_[k - begin] = {instances_[id].mesh_id, instances_[id].mask};
+        kept_[k - begin] = {slot->mesh_id, slot->mask};
       }
     }
+    ask_for(end);
     if (!sound) return;
     end_of_chunk_ = end;
-    chunk_ = own_chunk(instances_, moves_.id(begin), end - begin).data();
+    chunk_ = own_chunk(instances_, first, end - begin).data();
     for (std::size_t k = begin; k < std::min(begin + TransformBatch::kSize, end); ++k) ask_to_write(k);
     for (std::size_t k = begin; k < end; k += TransformBatch::kSize)
       move_eight(k, std::min(TransformBatch::kSize, end - k), kept_ + (k - begin));
@@ -117,13 +117,18 @@ class Mover {
 
   // Both are inlined early, since GCC takes a function that only asks for memory to do nothing and leaves it
   // out.
-  /// Of a move and of the slot as it is. Not beyond this run: the chunks there are another thread's to write.
-  [[gnu::always_inline]] void ask_for(std::size_t k) const {
-    if (k >= end_) return;
-    const MoveInstance& move = moves_[k];
-    __builtin_prefetch(&move.world_from_object);
-    __builtin_prefetch(&move.world_from_object.translation);
-    if (moves_.id(k) < instances_.size()) __builtin_prefetch(&instances_[moves_.id(k)].mesh_id);
+  /// Of the moves from `begin` on and their slots as they are, as far as these are in one chunk. Not beyond
+  /// this run: the chunks there are another thread's to write.
+  [[gnu::always_inline]] void ask_for(std::size_t begin) const {
+    if (begin >= end_ || moves_.id(begin) >= instances_.size()) return;
+    const std::size_t end = std::min(begin + Instances::kChunkSize, end_);
+    const Instance* const slots = instances_.chunk(moves_.id(begin)).data();
+    for (std::size_t k = begin; k < end; ++k) {
+      const MoveInstance& move = moves_[k];
+      __builtin_prefetch(&move.world_from_object);
+      __builtin_prefetch(&move.world_from_object.translation);
+      __builtin_prefetch(&slots[moves_.id(k) % Instances::kChunkSize].mesh_id);
+    }
   }
   /// Of a slot as it becomes and its box, which lie in the chunks that are being written.
   [[gnu::always_inline]] void ask_to_write(std::size_t k) const {

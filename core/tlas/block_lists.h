@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <span>
 #include <vector>
 
 #include "core/tlas/grid_layout.h"
@@ -19,22 +18,23 @@ struct FilingSummary {
   float max_drift = 0.F;         ///< of the boxes that are filed
 };
 
-/// Instances by the blocks that they reach into, each block's ascending.
+/// Instances by the blocks that they reach into.
 class BlockLists {
  public:
   /// Linear time, parallel, and the same whatever the number of threads.
   BlockLists(const GridLayout& layout, const BoxTable& boxes);
 
-  [[nodiscard]] std::span<const std::uint32_t> operator[](std::size_t block) const {
-    return {ids_.data() + starts_[block], ids_.data() + starts_[block + 1]};
-  }
+  /// Those of a block, ascending.
+  [[nodiscard]] std::vector<std::uint32_t> operator[](std::size_t block) const;
+  [[nodiscard]] bool empty(std::size_t block) const { return starts_[block] == starts_[block + 1]; }
   [[nodiscard]] const FilingSummary& summary() const { return summary_; }
   [[nodiscard]] std::size_t memory_bytes() const {
     return (starts_.capacity() + ids_.capacity()) * sizeof(std::uint32_t);
   }
 
  private:
-  std::vector<std::uint32_t> starts_, ids_;
+  std::vector<std::uint32_t> starts_;
+  std::vector<std::uint32_t> ids_;  ///< by block; of ids from one chunk of the boxes, in any order
   FilingSummary summary_;
 };
 

@@ -7,8 +7,8 @@
 #include <memory>
 #include <mutex>
 #include <optional>
-#include <span>
 #include <utility>
+#include <vector>
 
 #include "core/tlas/block_lists.h"
 #include "core/tlas/cell_lists.h"
@@ -65,7 +65,8 @@ class BlockSource {
   ~BlockSource() = default;
 
   /// Not after forget().
-  [[nodiscard]] std::span<const std::uint32_t> listed(std::size_t block) const { return (*lists_)[block]; }
+  [[nodiscard]] std::vector<std::uint32_t> listed(std::size_t block) const { return (*lists_)[block]; }
+  [[nodiscard]] bool is_empty(std::size_t block) const { return lists_->empty(block); }
   [[nodiscard]] const BoxTable& boxes() const { return *boxes_; }
   /// Lets go of all that blocks are made of.
   void forget();

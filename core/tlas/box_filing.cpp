@@ -1,12 +1,11 @@
-// Compiled once per instruction set, by which the compiler makes vectors of the loops over planes, and chosen
-// at run time by Highway. The same operations in the same order as in GridLayout, none of them fused.
+// Compiled once per instruction set and chosen at run time by Highway. The same operations in the same order
+// as in GridLayout, none of them fused.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/tlas/box_filing.cpp"  // NOLINT: Highway includes this file once per target
 
 #include "core/tlas/box_filing.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cstring>
 
@@ -19,41 +18,112 @@ namespace gridcast::tlas::HWY_NAMESPACE {
 constexpr auto kNoRange = std::bit_cast<PackedRange>(CellRange{});
 static_assert(sizeof(InstanceBox) == 56 && sizeof(Bounds3f) == 24 && sizeof(CellRange) == 12);
 
-using Numbers = std::array<double, 6>;
+namespace hn = hwy::HWY_NAMESPACE;
 
-/// A box with its room; whether that lies inside the grid.
-HWY_INLINE bool grow(const BoxFiling::Planes& planes, const InstanceBox& box, Numbers& room) {
-  std::memcpy(room.data(), &box.bounds, sizeof room);
-  bool empty = false;
-  for (std::size_t axis = 0; axis < 3; ++axis) empty |= !(room[axis] <= room[axis + 3]);
-  const double pad = double(box.drift) * planes.reach + planes.slack;
-  for (std::size_t plane = 0; plane < 6; ++plane) room[plane] += planes.outward[plane] * pad;
-  bool inside = !empty;
-  for (std::size_t plane = 0; plane < 6; ++plane)
-    inside &= planes.outward[plane] * room[plane] <= planes.border[plane];
-  return inside;
-}
+using D = hn::CappedTag<double, 8>;
+using V = hn::Vec<D>;
+/// Vectors that hold the six planes of a box.
+constexpr std::size_t kVectors = (6 + hn::MaxLanes(D()) - 1) / hn::MaxLanes(D());
 
-HWY_INLINE PackedRange range_of(const BoxFiling::Planes& planes, const Numbers& room) {
-  PackedRange cells;
-  for (std::size_t plane = 0; plane < 6; ++plane) {
-    double index = (room[plane] - planes.origin[plane]) * planes.inverse_cell[plane];
-    index = index > 0.0 ? index : 0.0;
-    index = index < planes.last_cell[plane] ? index : planes.last_cell[plane];
-    cells[plane] = std::uint16_t(std::int32_t(index));
+/// A box with its room, and what is needed to file it.
+class FiledBox {
+ public:
+  /// `box` is not empty.
+  HWY_INLINE FiledBox(const BoxFiling::Planes& planes, const InstanceBox& box) : planes_(planes) {
+    const D d;
+    const V pad = hn::Set(d, double(box.drift) * planes.reach + planes.slack);
+    bool inside = true;
+    for (std::size_t k = 0, plane = 0; k < kVectors; ++k, plane += hn::Lanes(d)) {
+      plain_[k] = load(box, plane);
+      const V outward = hn::Load(d, planes.outward + plane);
+      room_[k] = plain_[k] + outward * pad;
+      inside &= hn::AllTrue(d, hn::Le(outward * room_[k], hn::Load(d, planes.border + plane)));
+    }
+    inside_ = inside;
   }
-  return cells;
-}
+
+  [[nodiscard]] HWY_INLINE bool inside() const { return inside_; }
+  [[nodiscard]] HWY_INLINE V plain(std::size_t k) const { return plain_[k]; }
+
+  /// Writes the numbers of a PackedRange, and nothing or what means nothing to the two behind.
+  HWY_INLINE void write_range(std::uint16_t* cells) const {
+    const D d;
+    const hn::Rebind<std::int32_t, D> i;
+    const hn::Rebind<std::uint16_t, D> u;
+    for (std::size_t k = 0, plane = 0; k < kVectors; ++k, plane += hn::Lanes(d)) {
+      V index = (room_[k] - hn::Load(d, planes_.origin + plane)) * hn::Load(d, planes_.inverse_cell + plane);
+      index = hn::Min(hn::Max(index, hn::Zero(d)), hn::Load(d, planes_.last_cell + plane));
+      hn::StoreU(hn::DemoteTo(u, hn::DemoteTo(i, index)), u, cells + plane);
+    }
+  }
+  [[nodiscard]] HWY_INLINE PackedRange range() const {
+    alignas(16) std::uint16_t cells[8];
+    write_range(cells);
+    PackedRange range;
+    std::memcpy(range.data(), cells, sizeof range);
+    return range;
+  }
+
+  HWY_INLINE void write_local_box(Bounds3f& box) const {
+    const D d;
+    const hn::Rebind<float, D> f;
+    alignas(32) float local[8];
+    for (std::size_t k = 0, plane = 0; k < kVectors; ++k, plane += hn::Lanes(d)) {
+      const V from_center = room_[k] - hn::Load(d, planes_.center + plane);
+      hn::StoreU(hn::DemoteTo(f, from_center + hn::Load(d, planes_.rounding + plane)), f, local + plane);
+    }
+    std::memcpy(&box, local, sizeof box);
+  }
+
+ private:
+  /// From a plane on; zeros behind the last. A masked load has to be aligned where vectors are short.
+  static HWY_INLINE V load(const InstanceBox& box, std::size_t plane) {
+    const D d;
+    const void* const planes = &box.bounds;
+    const double* const at = static_cast<const double*>(planes) + plane;
+    return plane + hn::Lanes(d) <= 6 ? hn::LoadU(d, at) : hn::MaskedLoad(hn::FirstN(d, 6 - plane), d, at);
+  }
+
+  const BoxFiling::Planes& planes_;
+  V plain_[kVectors], room_[kVectors];
+  bool inside_;
+};
 
 void find_ranges(const BoxFiling::Planes& planes, std::span<const InstanceBox> boxes, PackedRange* ranges,
                  Bounds3d& bounds) {
-  Bounds3d all = bounds;
-  for (std::size_t k = 0; k < boxes.size(); ++k) {
-    Numbers room;
-    ranges[k] = grow(planes, boxes[k], room) ? range_of(planes, room) : kNoRange;
-    if (!boxes[k].bounds.empty()) all.extend(boxes[k].bounds);
+  const D d;
+  V least[kVectors], most[kVectors];
+  for (std::size_t k = 0; k < kVectors; ++k) {
+    least[k] = hn::Set(d, hwy::HighestValue<double>());
+    most[k] = hn::Neg(least[k]);
   }
-  bounds = all;
+  bool any = false;
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    if (boxes[b].bounds.empty()) {
+      ranges[b] = kNoRange;
+      continue;
+    }
+    const FiledBox box(planes, boxes[b]);
+    any = true;
+    for (std::size_t k = 0; k < kVectors; ++k) {
+      least[k] = hn::Min(least[k], box.plain(k));
+      most[k] = hn::Max(most[k], box.plain(k));
+    }
+    if (!box.inside()) {
+      ranges[b] = kNoRange;
+    } else if (b + 1 < boxes.size()) {
+      box.write_range(ranges[b].data());  // what follows is written next
+    } else {
+      ranges[b] = box.range();
+    }
+  }
+  if (!any) return;
+  alignas(64) double lower[8], upper[8];
+  for (std::size_t k = 0; k < kVectors; ++k) {
+    hn::Store(least[k], d, lower + k * hn::Lanes(d));
+    hn::Store(most[k], d, upper + k * hn::Lanes(d));
+  }
+  bounds.extend(Bounds3d{{lower[0], lower[1], lower[2]}, {upper[3], upper[4], upper[5]}});
 }
 
 void make_records(const BoxFiling::Planes& planes, const BoxTable& boxes, std::span<const std::uint32_t> ids,
@@ -64,15 +134,15 @@ void make_records(const BoxFiling::Planes& planes, const BoxTable& boxes, std::s
     const InstanceBox& ahead = boxes[ids[std::min(k + kAhead, ids.size() - 1)]];
     __builtin_prefetch(&ahead);
     __builtin_prefetch(&ahead.drift);
-    BoxRecord& record = records[k];
-    Numbers room;
-    const bool inside = grow(planes, boxes[ids[k]], room);
-    std::array<float, 6> local;
-    for (std::size_t plane = 0; plane < 6; ++plane)
-      local[plane] = float(room[plane] - planes.center[plane] + planes.rounding[plane]);
-    record.box = std::bit_cast<Bounds3f>(local);
-    record.instance_id = ids[k];
-    record.range = std::bit_cast<CellRange>(inside ? range_of(planes, room) : kNoRange);
+    const InstanceBox& box = boxes[ids[k]];
+    PackedRange range = kNoRange;
+    Bounds3f local;
+    if (!box.bounds.empty()) {
+      const FiledBox filed(planes, box);
+      if (filed.inside()) range = filed.range();
+      filed.write_local_box(local);
+    }
+    records[k] = {local, ids[k], std::bit_cast<CellRange>(range)};
   }
 }
 
@@ -86,7 +156,8 @@ HWY_EXPORT(find_ranges);
 HWY_EXPORT(make_records);
 
 BoxFiling::BoxFiling(const GridLayout& layout) {
-  std::memset(&planes_, 0, sizeof planes_);
+  planes_ = {};
+  std::fill(std::begin(planes_.border), std::end(planes_.border), 1.0);
   for (std::size_t plane = 0; plane < 6; ++plane) {
     const auto axis = int(plane % 3);
     const double outward = plane < 3 ? -1.0 : 1.0;

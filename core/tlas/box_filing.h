@@ -25,9 +25,10 @@ class BoxFiling {
   /// The layout by planes, in the order of a box's memory: lower x, y, z, upper x, y, z, and two that mean
   /// nothing.
   struct Planes {
-    alignas(64) double outward[8];  ///< -1 or 1
-    double border[8], origin[8], inverse_cell[8], last_cell[8], center[8], rounding[8];
-    double reach, slack;  ///< see GridLayout::pad
+    alignas(64) double outward[8] = {};  ///< -1 or 1; 0 beyond the six
+    double border[8] = {}, origin[8] = {}, inverse_cell[8] = {}, last_cell[8] = {};
+    double center[8] = {}, rounding[8] = {};
+    double reach = 0.0, slack = 0.0;  ///< see GridLayout::pad
   };
 
  private:

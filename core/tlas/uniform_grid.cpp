@@ -15,6 +15,10 @@ namespace {
 
 constexpr std::size_t kBlocksPerTask = 4;
 
+/// Blocks with more instances are always made in advance, by several threads: a ray would wait for them too
+/// long.
+constexpr std::size_t kMostListedLate = 16384;
+
 std::int64_t bytes_of(const GridBlock* block) {
   return block == nullptr ? 0 : std::int64_t(block->memory_bytes());
 }
@@ -38,18 +42,23 @@ UniformGrid::UniformGrid(const GridLayout& layout, const BoxTable& boxes, MakeBl
   reference_count_ = at_build().references;
   const std::size_t count = layout_.block_count();
   blocks_.grow(count);
-  if (when == MakeBlocks::kWhenAsked) {
-    for (std::size_t b = 0; b < count; ++b)
-      if (!source->listed(b).empty()) blocks_.write(b) = BlockSlot::unmade();
+  const bool now = when == MakeBlocks::kNow;
+  const bool some_are_large = at_build().crowding > double(kMostListedLate) * double(kMostListedLate);
+  if (now || some_are_large) {
+    const BlockBuilder builder(layout_, source->shape(), boxes, Helpers::kThreads);
+    make_in_parallel(count, builder, [&](BlockBuilder& own, std::size_t b) {
+      const std::vector<std::uint32_t> listed = source->listed(b);
+      if (!listed.empty() && (now || listed.size() > kMostListedLate))
+        blocks_.write(b) = BlockSlot(own.make(std::uint32_t(b), listed));
+    });
+    for (std::uint32_t b = 0; b < count; ++b) edited_bytes_ += bytes_of(block(b));
+  }
+  if (now) {
+    source->forget();
     return;
   }
-  make_in_parallel(count, BlockBuilder(layout_, source->shape(), boxes, Helpers::kThreads),
-                   [&](BlockBuilder& builder, std::size_t b) {
-                     if (!source->listed(b).empty())
-                       blocks_.write(b) = BlockSlot(builder.make(std::uint32_t(b), source->listed(b)));
-                   });
-  source->forget();
-  for (std::uint32_t b = 0; b < count; ++b) edited_bytes_ += bytes_of(block(b));
+  for (std::uint32_t b = 0; b < count; ++b)
+    if (!source->is_empty(b) && block(b) == nullptr) blocks_.write(b) = BlockSlot::unmade();
 }
 
 void UniformGrid::make_blocks() const {

@@ -51,7 +51,12 @@ def test_every_section_has_rows_of_the_agreed_shape(report):
     assert values(ours, "entry") == {"single", "batch"} and values(ours, "precision") == {"fast", "robust"}
     assert values(read["build"], "scene") == {"S1"} == values(read["refit"], "scene")
     assert {"low", "medium", "high"} <= values(read["build"], "structure")
-    assert values(read["instances"], "update") == {"build", "all_moved", "one_percent_moved"}
+    assert values(read["instances"], "update") == {
+        "build",
+        "all_moved",
+        "all_moved_and_looked_at",
+        "one_percent_moved",
+    }
     assert values(read["serve"], "set") == {"primary"}, "the server's batch is of closest hits"
     assert values(read["deform"], "scene") == {"S1"} == values(read["deform_summary"], "scene")
     assert values(read["crowd"], "scene") == {"crowd"}

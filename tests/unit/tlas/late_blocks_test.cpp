@@ -116,6 +116,21 @@ TEST(LateBlocks, an_edit_of_blocks_that_nobody_has_looked_at_is_that_of_a_whole_
   EXPECT_EQ(after.reference_count(), fresh.reference_count());
 }
 
+TEST(LateBlocks, the_largest_are_made_in_advance) {
+  test::Random random(test::seed_or(166));
+  BoxTable boxes;
+  for (int i = 0; i < 20000; ++i) boxes.push_back(cube(random.in_box(i % 100 == 0 ? 10.0 : 0.2), 0.05));
+  GridLayout layout = layout_of(boxes);
+  for (std::uint32_t& cells : layout.cells) cells = 9;
+  layout.cell = layout.bounds.extent() / 9.0;
+  layout.inverse_cell = 9.0 / layout.bounds.extent();
+  layout.prepare();
+  const UniformGrid late(layout, boxes, MakeBlocks::kWhenAsked), whole(layout, boxes);
+  EXPECT_GT(2 * late.block_bytes(), whole.block_bytes());
+  EXPECT_LT(late.block_bytes(), whole.block_bytes());
+  EXPECT_TRUE(late.validate(boxes).ok());
+}
+
 /// All boxes as `place` has them.
 TopLevel moved(TopLevel level, const auto& place) {
   BoxTable boxes = level.boxes();
