@@ -8,6 +8,7 @@
 #endif
 
 #include <bit>
+#include <limits>
 #include <type_traits>
 
 #include <hwy/highway.h>
@@ -79,7 +80,10 @@ class PacketWalk {
       ++steps_;
       for (std::uint32_t hits = enter_children(tree_.nodes[node], s_enter); hits != 0; hits &= hits - 1) {
         const auto slot = std::uint32_t(__builtin_ctz(hits));
-        const Entry child = entry(s_enter[slot], node * 8 + slot);
+        // Any hit will do, and a leaf may have it at once; boxes that all rays start in come after it.
+        const bool first = kAnyHit && wide_child::is_leaf(tree_.child(tree_.nodes[node], slot));
+        const Entry child =
+            entry(first ? std::numeric_limits<float>::lowest() : s_enter[slot], node * 8 + slot);
         std::size_t place = size++;
         for (; place > bottom && stack[place - 1] < child; --place) stack[place] = stack[place - 1];
         stack[place] = child;

@@ -96,12 +96,26 @@ void WideCollapse::gather(std::uint32_t node, int slots, WideSlots& out) const {
   gather(n.first + 1, slots - left, out);
 }
 
+void WideCollapse::put_largest_leaf_first(WideSlots& slots) const {
+  std::uint32_t largest = 0;
+  double area = -1.0;
+  for (std::uint32_t i = 0; i < slots.size; ++i) {
+    if (!slots.at[i].leaf) continue;
+    const double own = to_double(tree_.nodes[slots.at[i].binary_node].bounds()).half_area();
+    if (!(own > area)) continue;
+    area = own;
+    largest = i;
+  }
+  std::swap(slots.at[0], slots.at[largest]);
+}
+
 WideSlots WideCollapse::slots(std::uint32_t node) const {
   WideSlots out;
   const BvhNode& n = tree_.nodes[node];
   const int left = best_left(node, kSlots);
   gather(n.first, left, out);
   gather(n.first + 1, kSlots - left, out);
+  put_largest_leaf_first(out);
   return out;
 }
 

@@ -47,6 +47,9 @@ class WideCollapse {
   void solve_subtree(std::size_t self, std::size_t begin, std::size_t end);
   [[nodiscard]] int best_left(std::uint32_t node, int slots) const;
   void gather(std::uint32_t node, int slots, WideSlots& out) const;
+  /// An any-hit ray looks into the first slot before the others, and a leaf costs least to look into and ends
+  /// the walk: a triangle that covers the mesh is then found at once.
+  void put_largest_leaf_first(WideSlots& slots) const;
 
   const BvhTree& tree_;
   std::vector<Costs> cost_;

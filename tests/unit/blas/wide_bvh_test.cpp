@@ -67,6 +67,25 @@ TEST(WideBvh, the_tree_does_not_depend_on_the_number_of_threads) {
   EXPECT_TRUE(same_bits(*one, *four));
 }
 
+/// Any-hit rays look into the first slot before the others.
+TEST(WideBvh, the_largest_leaf_of_a_node_is_in_its_first_slot) {
+  TriangleMesh mesh = test::jittered_icosphere(4, 1);
+  const auto first = std::uint32_t(mesh.positions.size()), huge = std::uint32_t(mesh.triangles.size());
+  mesh.positions.insert(mesh.positions.end(), {{-50.F, -50.F, 0.5F}, {50.F, -50.F, 0.5F}, {0.F, 90.F, 0.5F}});
+  mesh.triangles.push_back({first, first + 1, first + 2});
+  const auto bvh = built(mesh);
+  const WideNode& root = bvh->nodes()[0];
+  ASSERT_TRUE(wide_child::is_leaf(root.child[0]));
+  EXPECT_EQ(bvh->blocks()[wide_child::index(root.child[0])].ids[0], huge);
+  for (const WideNode& node : bvh->nodes()) {
+    for (std::uint32_t slot = 1; slot < node.slots; ++slot) {
+      if (!wide_child::is_leaf(node.child[slot])) continue;
+      ASSERT_TRUE(wide_child::is_leaf(node.child[0]));
+      EXPECT_LE(node.box(slot).half_area(), node.box(0).half_area());
+    }
+  }
+}
+
 TEST(WideBvh, eight_children_make_few_nodes_and_full_blocks) {
   const TriangleMesh mesh = test::icosphere(5);
   const auto bvh = built(mesh);
