@@ -34,5 +34,7 @@ namespace gridcast::measure {
 [[nodiscard]] mesh::TriangleMesh fan_mesh(std::size_t count, std::uint64_t seed);
 /// Random small triangles in the plane y = 0: boxes without thickness.
 [[nodiscard]] mesh::TriangleMesh flat_mesh(std::size_t count, std::uint64_t seed);
+/// Needles half as long as the scene, in all directions: boxes overlap and hold next to nothing.
+[[nodiscard]] mesh::TriangleMesh needles_mesh(std::size_t count, std::uint64_t seed);
 
 }  // namespace gridcast::measure

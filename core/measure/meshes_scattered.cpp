@@ -139,4 +139,15 @@ TriangleMesh flat_mesh(std::size_t count, std::uint64_t seed) {
   return mesh;
 }
 
+TriangleMesh needles_mesh(std::size_t count, std::uint64_t seed) {
+  Random random(seed + 90);
+  TriangleMesh mesh;
+  mesh.name = "needles";
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vec3d at = random.in_box(1.0), along = random.direction(), aside = random.direction();
+    add_triangle(mesh, at + along, at - along, at + along + 0.004 * aside);
+  }
+  return mesh;
+}
+
 }  // namespace gridcast::measure

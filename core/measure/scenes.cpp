@@ -118,6 +118,10 @@ BenchScene make_w4(std::uint64_t seed, double size) {
   return single(flat_mesh(scaled(1'000'000, size), seed), {{0.3, 1.6, 1.6}, {0, 0, 0}});
 }
 
+BenchScene make_w5(std::uint64_t seed, double size) {
+  return single(needles_mesh(scaled(20'000, size), seed), {{2.0, 3.0, 5.0}, {0, 0, 0}});
+}
+
 /// H1: closed bodies drawn out to slivers of 1,000 : 1, turned, far from the world's origin: what is left of
 /// a float there is coarser than the slivers are wide.
 BenchScene make_h1(std::uint64_t seed, double size) {
@@ -152,6 +156,7 @@ constexpr std::array kMakers{
     Maker{{"W2", "S2 and one huge triangle"}, make_w2},
     Maker{{"W3", "fan of 1 M needles"}, make_w3},
     Maker{{"W4", "1 M triangles in one plane"}, make_w4},
+    Maker{{"W5", "20,000 needles across a box in all directions"}, make_w5},
     Maker{{"H1", "hostile: 24 bodies of slivers far from the origin, 4 k triangles each"}, make_h1},
 };
 

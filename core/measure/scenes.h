@@ -1,5 +1,5 @@
 #pragma once
-// The scenes of the benchmark by name: S1 to S6 are single meshes, I1 to I3 instances, W1 to W4 worst cases,
+// The scenes of the benchmark by name: S1 to S6 are single meshes, I1 to I3 instances, W1 to W5 worst cases,
 // H1 a hostile one for accuracy.
 
 #include <cstddef>

@@ -22,7 +22,7 @@ with that of a fresh tree: 1.5 means half slower. crowd poses skinned figures 30
 cast rays over HTTP, and compares with the same scene standing still. load puts a server (S1, or the scenes that are
 named) under more requests than it can answer, clients that send slowly and clients that go away.
 
-Scenes: S1 to S6 are single meshes, I1 to I3 instances, W1 to W4 worst cases, H1
+Scenes: S1 to S6 are single meshes, I1 to I3 instances, W1 to W5 worst cases, H1
 is made for accuracy; S, I, W and all name groups.
 The whole benchmark takes long and about 4 GiB; --quick gives a first idea in about a minute, on smaller scenes whose
 figures are not comparable with those of whole ones.
@@ -59,7 +59,7 @@ std::vector<std::string> scene_words() {
 
 void add_what(CLI::App& app, BenchRequest& request) {
   app.add_option("--scene", request.scenes,
-                 "Scenes, with commas: S1 to S6, I1 to I3, W1 to W4, H1, S, I, W or all; without it S,I")
+                 "Scenes, with commas: S1 to S6, I1 to I3, W1 to W5, H1, S, I, W or all; without it S,I")
       ->delimiter(',')
       ->check(CLI::IsMember(scene_words()));
   app.add_option("--file", request.file, "Measure this .glb or .gltf file instead of generated scenes")

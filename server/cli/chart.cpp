@@ -28,7 +28,7 @@ among N rays means no more than a rate below 3/N: such points lie in a band abov
 front. SVG and PNG are drawn by gnuplot (Debian: gnuplot-nox); .json and .csv hold every figure, .vl.json is a Vega-Lite
 specification for a page.
 
-SCENE is a .glb or .gltf file, or a scene of the benchmark by name (S1 to S6, I1 to I3, W1 to W4, H1).
+SCENE is a .glb or .gltf file, or a scene of the benchmark by name (S1 to S6, I1 to I3, W1 to W5, H1).
 
 Examples:
   gridcast chart engine.glb -o chart.svg -o chart.json

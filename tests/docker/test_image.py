@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 ROOT = Path(__file__).resolve().parents[2]
-GROUPS = {"build", "run", "image", "demo", "test", "fuzz"}
+GROUPS = {"build", "run", "image", "demo", "test", "fuzz", "neon"}
 # Part of every Debian system, or brought by g++'s own libraries.
 BASE = {"libc6", "libgcc-s1", "libstdc++6"}
 # Programs that ours starts; never linked.
