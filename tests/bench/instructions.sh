@@ -68,4 +68,7 @@ awk '
 [ $times = 2 ] || exit 0
 paste -d' ' "$dir/counts.1" "$dir/counts.2" | awk '
   { d = $5 > $10 ? $5 - $10 : $10 - $5; d /= $5; if (d > worst) { worst = d; where = $1 " " $2 " " $3 } }
-  END { printf "counted twice: %.4f %% apart at most%s\n", 100 * worst, worst > 0 ? " (" where ")" : ""; exit worst > 0.001 }'
+  END {
+    printf "counted twice: %.4f %% apart at most%s\n", 100 * worst, (worst > 0 ? " (" where ")" : "")
+    exit (worst > 0.001)
+  }'
