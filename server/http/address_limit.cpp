@@ -49,4 +49,14 @@ void AddressLimit::leave(const Key& key) {
   if (--found->second == 0) counts_.erase(found);
 }
 
+std::shared_ptr<Connection> make_guest(AddressLimit::Place place, int socket,
+                                       const ConnectionLimits& limits) {
+  struct Guest {
+    AddressLimit::Place place;
+    Connection connection;
+  };
+  const std::shared_ptr<Guest> guest(new Guest{std::move(place), Connection(socket, limits)});
+  return {guest, &guest->connection};
+}
+
 }  // namespace gridcast::server

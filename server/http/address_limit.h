@@ -3,9 +3,12 @@
 #include <array>
 #include <cstddef>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <utility>
+
+#include "server/http/connection.h"
 
 namespace gridcast::server {
 
@@ -43,5 +46,9 @@ class AddressLimit {
   std::mutex mutex_;
   std::map<Key, std::size_t> counts_;  ///< above 0
 };
+
+/// The connection of a socket, which has its place until it goes.
+[[nodiscard]] std::shared_ptr<Connection> make_guest(AddressLimit::Place place, int socket,
+                                                     const ConnectionLimits& limits);
 
 }  // namespace gridcast::server

@@ -36,54 +36,45 @@ constexpr int kBacklog = 4096;
 
 using TakenHead = std::optional<std::variant<HttpHead, HeadError>>;
 
-/// What the library reads: a head that was checked and reduced to what it needs. What it writes goes out.
-class GuardStream final : public httplib::Stream {
+/// A head for the library to read, whose answer goes nowhere.
+class HeadStream : public httplib::Stream {
  public:
-  GuardStream(Connection& connection, std::string head) : connection_(connection), head_(std::move(head)) {}
+  explicit HeadStream(std::string head) : head_(std::move(head)) {}
 
   [[nodiscard]] bool is_readable() const override { return at_ < head_.size(); }
-  [[nodiscard]] bool is_writable() const override { return !failed_; }
-  ssize_t read(char* to, std::size_t size) override {
-    const std::size_t n = std::min(size, head_.size() - at_);
-    head_.copy(to, n, at_);
-    at_ += n;
-    return ssize_t(n);
-  }
-  ssize_t write(const char* from, std::size_t size) override {
-    failed_ = failed_ || !connection_.write({from, size});
-    return failed_ ? -1 : ssize_t(size);
-  }
-  void get_remote_ip_and_port(std::string&, int&) const override {}
-  void get_local_ip_and_port(std::string&, int&) const override {}
-  // The library compares this with FD_SETSIZE for its select(), which is not used here.
-  [[nodiscard]] socket_t socket() const override { return INVALID_SOCKET; }
-  [[nodiscard]] bool failed() const { return failed_; }
-
- private:
-  Connection& connection_;
-  std::string head_;
-  std::size_t at_ = 0;
-  bool failed_ = false;
-};
-
-/// A request of no method, whose answer goes nowhere.
-class NoRequest final : public httplib::Stream {
- public:
-  [[nodiscard]] bool is_readable() const override { return at_ < kHead.size(); }
   [[nodiscard]] bool is_writable() const override { return true; }
   ssize_t read(char* to, std::size_t size) override {
-    const std::size_t n = kHead.copy(to, size, at_);
+    const std::size_t n = head_.copy(to, size, at_);
     at_ += n;
     return ssize_t(n);
   }
   ssize_t write(const char* /*from*/, std::size_t size) override { return ssize_t(size); }
   void get_remote_ip_and_port(std::string&, int&) const override {}
   void get_local_ip_and_port(std::string&, int&) const override {}
+  // The library compares this with FD_SETSIZE for its select(), which is not used here.
   [[nodiscard]] socket_t socket() const override { return INVALID_SOCKET; }
 
  private:
-  static constexpr std::string_view kHead = "NONE / HTTP/1.1\r\n\r\n";
+  std::string head_;
   std::size_t at_ = 0;
+};
+
+/// A head that was checked and reduced to what the library needs. What it writes goes out.
+class GuardStream final : public HeadStream {
+ public:
+  GuardStream(Connection& connection, std::string head)
+      : HeadStream(std::move(head)), connection_(connection) {}
+
+  [[nodiscard]] bool is_writable() const override { return !failed_; }
+  ssize_t write(const char* from, std::size_t size) override {
+    failed_ = failed_ || !connection_.write({from, size});
+    return failed_ ? -1 : ssize_t(size);
+  }
+  [[nodiscard]] bool failed() const { return failed_; }
+
+ private:
+  Connection& connection_;
+  bool failed_ = false;
 };
 
 // The library hands no context from a connection to a request; both run on the same thread.
@@ -117,9 +108,8 @@ class HttpServer::Edge final : public httplib::Server {
       fill(response);
       return HandlerResponse::Handled;
     });
-    // The library makes a table of methods at its first request: before there are threads, which would wait
-    // for it.
-    NoRequest none;
+    // The library makes a table of methods at its first request: here, before there are threads.
+    HeadStream none("NONE / HTTP/1.1\r\n\r\n");
     bool closed = false;
     process_request(none, true, closed, nullptr);
   }
@@ -164,11 +154,10 @@ class HttpServer::Edge final : public httplib::Server {
   }
 
   void join_drain() {
-    std::thread drain;
-    {
+    std::thread drain = [this] {
       const std::lock_guard lock(stop_mutex_);
-      drain.swap(drain_);
-    }
+      return std::move(drain_);
+    }();
     if (drain.joinable()) drain.join();
   }
 
@@ -223,14 +212,6 @@ class HttpServer::Edge final : public httplib::Server {
     reserved_.shut_down();
   }
 
-  /// A connection, and its place among those of its address.
-  struct Guest {
-    Guest(AddressLimit::Place taken, int socket, const ConnectionLimits& limits)
-        : place(std::move(taken)), connection(socket, limits) {}
-    AddressLimit::Place place;
-    Connection connection;
-  };
-
   /// Whether it was refused.
   bool welcome(int socket) {
     auto place = addresses_.try_take(socket);
@@ -240,8 +221,7 @@ class HttpServer::Edge final : public httplib::Server {
       lobby_.enter(stranger);
       return true;
     }
-    const auto guest = std::make_shared<Guest>(std::move(*place), socket, options_.connection);
-    const std::shared_ptr<Connection> connection(guest, &guest->connection);
+    const auto connection = make_guest(std::move(*place), socket, options_.connection);
     // Often the request has come by now, and more so the busier we are.
     if (connection->look() == Arrived::kHead) return !dispatch(connection, connection->take_head());
     lobby_.enter(connection);
@@ -254,12 +234,12 @@ class HttpServer::Edge final : public httplib::Server {
         refusals_.turn_away(connection, problem);
       };
     };
-    const auto full = say(proto::ProblemCode::kOverloaded, "too many connections");
     return {[this](Connection& connection) { return refuse_in_lobby(connection); },
             [this](const std::shared_ptr<Connection>& connection) {
               dispatch(connection, connection->take_head());
             },
-            say(proto::ProblemCode::kInvalidRequest, "the head came too slowly"), full};
+            say(proto::ProblemCode::kInvalidRequest, "the head came too slowly"),
+            say(proto::ProblemCode::kOverloaded, "too many connections")};
   }
 
   enum class Lane : std::uint8_t { kAny, kSmall };
@@ -293,10 +273,8 @@ class HttpServer::Edge final : public httplib::Server {
     };
     std::function<void()> task = task_on(Lane::kAny);
     if (pool_.try_hand_over(task)) return true;
-    if (is_small) {
-      std::function<void()> small = task_on(Lane::kSmall);
-      if (reserved_.try_enqueue(small)) return true;
-    }
+    std::function<void()> small = task_on(Lane::kSmall);
+    if (is_small && reserved_.try_enqueue(small)) return true;
     if (pool_.try_enqueue(task)) return true;
     if (refusals_.refuse(*connection, nullptr) == Refusals::Left::kDraining) lobby_.enter(connection);
     return false;
