@@ -167,7 +167,7 @@ TEST(TreeBuilder, erased_scenes_get_no_trees_and_closed_builders_build_none) {
 }
 
 TEST(TreeBuilder, a_builder_that_goes_leaves_its_build) {
-  const auto mesh = test::share(test::icosphere(7));
+  const auto mesh = test::share(test::icosphere(6));
   scene::SceneData data;
   data.meshes = {mesh};
   data.deformations.resize(1);
@@ -176,7 +176,7 @@ TEST(TreeBuilder, a_builder_that_goes_leaves_its_build) {
   const auto named = std::get<0>(store.create("a", build_scene(std::move(data)).value(), {}));
   ASSERT_TRUE(update(*named, {scene::ReplaceVertices{0, scattered(mesh->positions, 5), {}}}));
   ASSERT_EQ(trees->counts().waiting, 1U);
-  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it has begun, and takes ten times that
+  std::this_thread::sleep_for(std::chrono::milliseconds(3));  // it has begun, and takes several times that
   trees.reset();
   EXPECT_EQ(quality_of(*named), blas::BuildQuality::kFast) << "it was not waited for";
 }
