@@ -121,7 +121,7 @@ def test_clients_apart_need_a_core_beside_the_server_s(bench):
 
 def test_no_answer_differs_from_single_rays_or_brute_force(report):
     read = report(*TINY, "--scene", "all", "--section", "rays", "--structure", "wide_bvh,compact_bvh,kd_tree")
-    assert len(read["checks"]) == 14 * 6 * 2 * 3 * 2
+    assert len(read["checks"]) == 15 * 6 * 2 * 3 * 2
     assert all(row["differs"] == 0 == row["brute_force_differs"] for row in read["checks"])
     assert sum(row["brute_force_rays"] for row in read["checks"]) > 1000
     assert sum(row["embree_differs"] for row in read["checks"]) < 0.05 * sum(row["rays"] for row in read["checks"])

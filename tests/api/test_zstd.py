@@ -159,7 +159,7 @@ def test_the_memory_budget_counts_what_comes_out(start_server):
 
 
 def test_many_bombs_at_once_end_in_refusals(start_server):
-    own = start_server("--max-glb-bytes", str(16 * MIB))
+    own = start_server("--max-glb-bytes", str(16 * MIB), "--max-long-requests", "24")
     bomb, codes = zeros(1024 * MIB), []
     threads = [threading.Thread(target=lambda: codes.append(
         own.client.post("/v1/scenes", bomb, GLB, headers=ZSTD).problem()[0])) for _ in range(24)]
