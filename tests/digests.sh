@@ -40,6 +40,7 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
+[[ $jobs =~ ^[1-9][0-9]*$ ]] || { echo "$0: --jobs needs a whole number from 1 on, not '$jobs'" >&2; exit 2; }
 for name in "${only[@]}"; do
   [[ " ${variants[*]%% *} " == *" $name "* ]] || { echo "$0: no build '$name' (see --help)" >&2; exit 2; }
 done

@@ -107,8 +107,8 @@ class StreamWalker {
   BlockHits filtered_{};
   bool found_ = false;
   StackEntry* top_ = stack_ + kWideStackSize;
-  StackEntry stack_[kWideStackSize +
-                    8];  ///< grows down from an end mark, beyond which as many are written as it leaves
+  /// Grows down from an end mark; eight entries are written at a time, which reach beyond the mark.
+  StackEntry stack_[kWideStackSize + 8];
 };
 
 /// Moves every ray by a step, over and over. What one ray's step waits for does not hold up the others', a
@@ -123,7 +123,7 @@ class StreamWalk {
     at_nodes_[node_count_++] = count_++;
   }
 
-  /// A bit for each ray, in the order they were added, whose collector an offer narrowed or ended.
+  /// Hits by the order in which rays were added.
   HWY_INLINE StreamResult run() {
     while (node_count_ + leaf_count_ != 0) {
       move_nodes();

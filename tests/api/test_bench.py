@@ -107,7 +107,7 @@ def test_a_server_is_loaded_until_it_refuses(report):
 
 def test_clients_may_have_a_core_of_their_own(report):
     if len(os.sched_getaffinity(0)) < 2:
-        pytest.skip("one core")
+        pytest.skip("one core: clients cannot have one of their own")
     read = report(*TINY, "--section", "load,serve", "--scene", "S1", "--set", "primary", "--clients", "shared,apart")
     assert [row["clients"] for row in read["serve"]] == ["shared", "apart"]
     assert [row["phase"] for row in read["load"] if row["clients"] == "apart"] == ["peak", "steady", "whole", "double", "tenfold"]

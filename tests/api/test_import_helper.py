@@ -80,7 +80,7 @@ def what_it_may(pid):
 
 def test_the_helper_may_do_nothing_but_parse(start_server, binary):
     if any(word in Path(binary).read_bytes() for word in (b"__asan_init", b"__tsan_init")):
-        pytest.skip("sanitizers need more than the helper allows itself")
+        pytest.skip("the run-time part of a sanitizer needs memory and files that the helper denies itself")
     server, found = start_server(), None
     for _ in range(20):
         upload = Upload(server)
