@@ -13,7 +13,7 @@ namespace {
 std::vector<std::size_t> instances_per_mesh(const scene::Scene& scene) {
   std::vector<std::size_t> counts(scene.mesh_count(), 0);
   for (std::size_t i = 0; i < scene.instance_slots(); ++i)
-    if (const scene::Instance* instance = scene.find_instance(std::uint32_t(i))) ++counts[instance->mesh_id];
+    if (const auto instance = scene.find_instance(std::uint32_t(i))) ++counts[instance->mesh_id];
   return counts;
 }
 
@@ -147,7 +147,7 @@ std::vector<proto::MeshInfo> mesh_infos(const scene::Scene& scene) {
 }
 
 proto::InstanceInfo instance_info(const scene::Scene& scene, std::uint32_t instance_id) {
-  const scene::Instance& instance = scene.instance(instance_id);
+  const scene::Instance instance = scene.instance(instance_id);
   proto::InstanceInfo info;
   info.instance_id = instance_id;
   info.mesh_id = instance.mesh_id;
@@ -168,7 +168,7 @@ proto::InstanceList instance_list(const scene::Scene& scene, const proto::Page& 
       list.next_offset = slot;
       break;
     }
-    if (scene.find_instance(std::uint32_t(slot)) != nullptr)
+    if (scene.find_instance(std::uint32_t(slot)))
       list.instances.push_back(instance_info(scene, std::uint32_t(slot)));
   }
   return list;

@@ -91,8 +91,8 @@ class Exporter {
     std::uint32_t next = 0;
     for (std::uint32_t id = 0; id < scene_.instance_slots(); ++id) {
       if (id % kInstancesPerLook == 0) stop_if_asked(options_.stop);
-      const scene::Instance* instance = scene_.find_instance(id);
-      if (instance == nullptr) continue;
+      const auto instance = scene_.find_instance(id);
+      if (!instance) continue;
       const std::string& name = scene_.instance_name(id);
       const Affine& place = instance->transform.world_from_object();
       if (id == next)

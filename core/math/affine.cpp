@@ -1,5 +1,7 @@
 #include "core/math/affine.h"
 
+#include <limits>
+
 #include <glm/matrix.hpp>
 
 namespace gridcast {
@@ -17,6 +19,11 @@ double largest_entry(const Mat3d& m) {
   return std::max({max_abs(m[0]), max_abs(m[1]), max_abs(m[2])});
 }
 
+/// The row sums of |a||inverse| are |a| times those of |inverse|.
+double condition_of(const Mat3d& a, const Mat3d& inverse) {
+  return max_abs(abs(a) * (glm::abs(inverse[0]) + glm::abs(inverse[1]) + glm::abs(inverse[2])));
+}
+
 /// See InstanceTransform::round_trip_error. With u = 2^-53: the computed a * inverse is off by at most
 /// 3u |a||inverse|, subtracting the identity by u more of the same, and applying the inverse to a vector
 /// rounds by another 3u |inverse||v| (4u with the subtraction of the translation). 12u covers all.
@@ -28,7 +35,7 @@ double round_trip_error_of(const Mat3d& a, const Mat3d& inverse, double conditio
 
 InstanceTransform::InstanceTransform(const Affine& world_from_object)
     : world_from_object_(world_from_object) {
-  active_ = false;
+  round_trip_error_ = std::numeric_limits<double>::infinity();
   const Mat3d& a = world_from_object.linear;
   const Vec3d& t = world_from_object.translation;
   if (!is_finite(a) || !gridcast::is_finite(t) || max_abs(t) > kMaxTranslation) return;
@@ -40,16 +47,16 @@ InstanceTransform::InstanceTransform(const Affine& world_from_object)
   const Mat3d inverse = glm::inverse(a * scale) * scale;
   if (!is_finite(inverse)) return;
 
-  // The row sums of |a||inverse| are |a| times those of |inverse|.
-  const Vec3d inverse_rows = glm::abs(inverse[0]) + glm::abs(inverse[1]) + glm::abs(inverse[2]);
-  const double condition = max_abs(abs(a) * inverse_rows);
+  const double condition = condition_of(a, inverse);
   if (!(condition <= kMaxCondition)) return;
   const double round_trip_error = round_trip_error_of(a, inverse, condition);
   if (!(round_trip_error <= kMaxRoundTripError)) return;
   object_from_world_linear_ = inverse;
-  condition_ = condition;
   round_trip_error_ = round_trip_error;
-  active_ = true;
+}
+
+double InstanceTransform::condition() const {
+  return condition_of(world_from_object_.linear, object_from_world_linear_);
 }
 
 Vec3d InstanceTransform::normal_to_world(const Vec3d& n) const {

@@ -141,7 +141,8 @@ class InstancesOfScene {
       row.spread = spread(timed[i].seconds);
       row.bytes_per_instance =
           i < 2 ? double(contenders[i].theirs->memory_bytes() - mesh_bytes(*contenders[i].theirs)) / count
-                : double(scene_->top_level().memory_bytes()) / count + double(sizeof(scene::Instance));
+                : double(scene_->top_level().memory_bytes()) / count +
+                      double(scene::InstanceTable::kBytesPerInstance);
       row.vs_embree = speedup(timed[i].seconds, timed[low_wins ? 0 : 1].seconds);
       report_.instances.push_back(row);
     }

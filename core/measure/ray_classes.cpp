@@ -61,8 +61,8 @@ RayClassMaker::RayClassMaker(const scene::Scene& scene, const View& view, std::u
 void RayClassMaker::list_instances() {
   std::uint64_t total = 0;
   for (std::uint32_t id = 0; id < scene_.instance_slots(); ++id) {
-    const scene::Instance* instance = scene_.find_instance(id);
-    if (instance == nullptr || !instance->transform.active()) continue;
+    const auto instance = scene_.find_instance(id);
+    if (!instance || !instance->transform.active()) continue;
     const std::size_t count = scene_.blas(instance->mesh_id).mesh().triangle_count();
     if (count == 0) continue;
     instances_.push_back(id);
@@ -73,7 +73,7 @@ void RayClassMaker::list_instances() {
 void RayClassMaker::find_inside_points(Random& random) {
   std::vector<Vec3f> tried;
   for (std::size_t i = 0; i < kInsideTries && !instances_.empty(); ++i) {
-    const scene::Instance& instance = scene_.instance(random_instance(random));
+    const scene::Instance instance = scene_.instance(random_instance(random));
     const blas::Blas& blas = scene_.blas(instance.mesh_id);
     if (!blas.has_inside()) continue;
     const Bounds3d box = to_double(blas.bounds());
@@ -95,7 +95,7 @@ std::uint32_t RayClassMaker::random_instance(Random& random) const {
 }
 
 RayClassMaker::Target RayClassMaker::random_target(Random& random) const {
-  const scene::Instance& instance = scene_.instance(random_instance(random));
+  const scene::Instance instance = scene_.instance(random_instance(random));
   const mesh::TriangleMesh& mesh = scene_.blas(instance.mesh_id).mesh();
   const auto corners = mesh.corners(random.below(std::uint32_t(mesh.triangle_count())));
   // A random corner first, so that any edge is as likely as its neighbours.

@@ -84,8 +84,8 @@ class Measurement {
     report_.stored_triangles = posed_->stored_triangle_count();
     // An instance that was removed has kept its number only.
     for (std::uint32_t id = 0; id < posed_->instance_slots(); ++id) {
-      const scene::Instance* instance = posed_->find_instance(id);
-      if (instance == nullptr || !instance->transform.active()) continue;
+      const auto instance = posed_->find_instance(id);
+      if (!instance || !instance->transform.active()) continue;
       ++report_.instances;
       report_.world_triangles += posed_->blas(instance->mesh_id).mesh().triangle_count();
     }

@@ -29,7 +29,7 @@ void list_hits(const Scene& scene, Ray ray, const QueryFilter& filter, const Hit
   if constexpr (kPrecision == Precision::kRobust) ray.tnear = std::max(ray.tnear, after.t);
   mesh::ObjectRay object_ray;
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     if (prepare_for(object_ray, instance, blas, ray, list.tfar(), id, filter))
       blas.template intersect_every<kPrecision>(object_ray, list);

@@ -64,7 +64,8 @@ constexpr std::size_t kInNoCache = std::size_t(64) << 20;
 constexpr std::size_t kInNoCacheSorted = std::size_t(16) << 20;
 
 Grouping choose_grouping(const Scene& scene, RayOrderKind order) {
-  const std::size_t bytes = scene.top_level().memory_bytes() + scene.instance_slots() * sizeof(Instance);
+  const std::size_t bytes =
+      scene.top_level().memory_bytes() + scene.instance_slots() * InstanceTable::kBytesPerInstance;
   if (bytes > (order == RayOrderKind::kAsGiven ? kInNoCache : kInNoCacheSorted)) return Grouping::kAlways;
   for (std::uint32_t mesh = 0; mesh < scene.mesh_count(); ++mesh)
     if (scene.blas(mesh).has_packets()) return Grouping::kWherePacketsForm;

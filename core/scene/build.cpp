@@ -125,8 +125,8 @@ std::vector<tlas::InstanceBox> place_instances(SceneEditor& editor, const Source
     const std::size_t end = std::min(count, (task + 1) * kInstancesPerTask);
     for (std::size_t i = task * kInstancesPerTask; i < end; ++i) {
       const auto id = std::uint32_t(i);
-      editor.set_instance(
-          id, {InstanceTransform(place_at_rest(sources, i)), sources.rig.mesh_of_instance[i], true});
+      editor.set_instance(id, InstanceTransform(place_at_rest(sources, i)),
+                          {.mesh_id = sources.rig.mesh_of_instance[i]});
       boxes[i] = editor.hit_box_of(id);
     }
   });

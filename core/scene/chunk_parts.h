@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
 #include <tbb/parallel_for.h>
 
@@ -13,21 +14,26 @@ namespace gridcast::scene {
 /// Slots in a row that only one task writes: a chunk of the boxes, which is several of the instances.
 inline constexpr std::size_t kSlotsOfOneTask = tlas::BoxTable::kChunkSize;
 
-/// Calls work(begin, end) for parts of 0 .. count - 1 that cover it, in parallel. id_of(k) ascends, and no
-/// two parts have ids in one chunk, so that each may write what is stored under its ids.
-template <class IdOf, class Work>
-void for_each_part(std::size_t count, const IdOf& id_of, const Work& work) {
+/// Where parts of 0 .. count - 1 begin, and count. id_of(k) ascends, and no two parts have ids in one chunk,
+/// so that each may write what is stored under its ids.
+template <class IdOf>
+[[nodiscard]] std::vector<std::size_t> part_borders(std::size_t count, const IdOf& id_of) {
   constexpr std::size_t kIdsPerPart = 512;
-  const std::size_t parts = (count + kIdsPerPart - 1) / kIdsPerPart;
-  const auto border = [&](std::size_t part) {
-    std::size_t k = std::min(part * kIdsPerPart, count);
+  std::vector<std::size_t> borders;
+  borders.reserve(count / kIdsPerPart + 2);
+  for (std::size_t k = 0; k < count; k = std::max(k + 1, borders.size() * kIdsPerPart)) {
     while (k > 0 && k < count && id_of(k) / kSlotsOfOneTask == id_of(k - 1) / kSlotsOfOneTask) ++k;
-    return k;
-  };
-  tbb::parallel_for(std::size_t(0), parts, [&](std::size_t part) {
-    const std::size_t begin = border(part), end = border(part + 1);
-    if (begin < end) work(begin, end);
-  });
+    if (k < count) borders.push_back(k);
+  }
+  borders.push_back(count);
+  return borders;
+}
+
+/// Calls work(begin, end) for the parts between the borders, in parallel.
+template <class Work>
+void for_each_part(const std::vector<std::size_t>& borders, const Work& work) {
+  tbb::parallel_for(std::size_t(1), borders.size(),
+                    [&](std::size_t part) { work(borders[part - 1], borders[part]); });
 }
 
 }  // namespace gridcast::scene

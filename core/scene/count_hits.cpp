@@ -16,7 +16,7 @@ void count(const Scene& scene, const Ray& ray, const QueryFilter& filter, Crossi
   counter.start(ray.tfar);
   mesh::ObjectRay object_ray;
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     if (prepare_for(object_ray, instance, blas, ray, ray.tfar, id, filter)) {
       counter.enter(blas.mesh());

@@ -32,7 +32,7 @@ template <Precision kPrecision>
 void walk(const Scene& scene, const Ray& ray, const QueryFilter& filter, Hit& best, RayWay& way) {
   mesh::ObjectRay object_ray;
   const auto visit = [&](std::uint32_t id, std::optional<double> t_enter) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     const bool is_hit = prepare_for(object_ray, instance, blas, ray, best.t, id, filter);
     const auto outcome = outcome_of(instance, filter, is_hit ? HitsBox::kYes : HitsBox::kNo);
@@ -50,7 +50,7 @@ void walk<Precision::kExact>(const Scene& scene, const Ray& ray, const QueryFilt
   mesh::ExactRay exact_ray;
   mesh::ExactBest found(best.t);
   const auto visit = [&](std::uint32_t id, std::optional<double> t_enter) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     const bool is_hit =
         instance.seen_by(filter.mask) &&

@@ -18,7 +18,7 @@ SceneData flattened(const Scene& scene) {
   data.deformations.resize(data.meshes.size());
   data.instances.reserve(scene.instance_slots());
   for (std::uint32_t id = 0; id < scene.instance_slots(); ++id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     InstanceData& placed = data.instances.emplace_back();
     placed.name = scene.instance_name(id);
     placed.mesh_id = instance.mesh_id;

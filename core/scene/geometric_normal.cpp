@@ -83,7 +83,7 @@ Vec3d facing(const Ray& ray) {
 }  // namespace
 
 Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
-  const Instance& instance = scene.instance(hit.instance_id);
+  const Instance instance = scene.instance(hit.instance_id);
   const auto corners = scene.blas(instance.mesh_id).corners(hit);
   const Vec3d p0(corners[0]);
   const Vec3d normal = HWY_DYNAMIC_DISPATCH(cross_product)(Vec3d(corners[1]) - p0, Vec3d(corners[2]) - p0);
@@ -91,7 +91,7 @@ Vec3d geometric_normal(const Scene& scene, const Hit& hit, const Ray& ray) {
 }
 
 void NormalBatch::set(std::size_t lane, const Hit& hit, const Ray& ray) {
-  const Instance& instance = scene_.instance(hit.instance_id);
+  const Instance instance = scene_.instance(hit.instance_id);
   const auto corners = scene_.blas(instance.mesh_id).corners(hit);
   const Vec3d p0(corners[0]);
   const Vec3d a = Vec3d(corners[1]) - p0, b = Vec3d(corners[2]) - p0;

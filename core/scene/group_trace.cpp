@@ -73,17 +73,12 @@ void GroupTracer<kPrecision, kAnyHit>::finish(std::uint32_t ray, std::uint32_t i
 
 template <Precision kPrecision, bool kAnyHit>
 void GroupTracer<kPrecision, kAnyHit>::prefetch(std::uint32_t instance_id) const {
-  const Instance& instance = target_.scene.instance(instance_id);
-  __builtin_prefetch(&instance.transform.world_from_object().translation);
-  const Mat3d& linear = instance.transform.object_from_world_linear();
-  __builtin_prefetch(&linear);
-  __builtin_prefetch(&linear[2][2]);
-  __builtin_prefetch(&instance.mask);
+  target_.scene.prefetch_instance(instance_id);
 }
 
 template <Precision kPrecision, bool kAnyHit>
 void GroupTracer<kPrecision, kAnyHit>::visit(std::uint32_t instance_id, std::uint32_t rays, double* far) {
-  const Instance& instance = target_.scene.instance(instance_id);
+  const Instance instance = target_.scene.instance(instance_id);
   if (!instance.seen_by(target_.mask)) return;
   const GroupPlace place{instance_id, instance, target_.scene.blas(instance.mesh_id)};
   if (packets_ && !stopped() && visit_together(place, rays, far)) return;

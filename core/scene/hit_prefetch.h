@@ -15,11 +15,7 @@ class HitPrefetch {
 
   /// Called for every ray of the run, in order, before its answer is made.
   void before(std::size_t i) const {
-    if (const Hit* hit = hit_of(i + 2 * kStep)) {
-      const Instance& instance = scene_.instance(hit->instance_id);
-      __builtin_prefetch(&instance.transform.object_from_world_linear());
-      __builtin_prefetch(&instance.mesh_id);
-    }
+    if (const Hit* hit = hit_of(i + 2 * kStep)) scene_.prefetch_instance(hit->instance_id);
     if (const Hit* hit = hit_of(i + kStep))
       scene_.blas(scene_.instance(hit->instance_id).mesh_id).prefetch_corners(*hit);
   }

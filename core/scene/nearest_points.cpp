@@ -94,7 +94,7 @@ class NearestSink final : public blas::PointSink {
 Nearest find_nearest(const Scene& scene, const Vec3d& point, const NearestOptions& options) {
   Nearest best{options.max_distance};
   scene.top_level().search(point, options.max_distance, [&](std::uint32_t id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     if (!instance.seen_by(options.mask)) return best.distance;
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     NearestSink sink(blas.mesh(), instance.transform, id, point, double(blas.bounds().magnitude()), best);

@@ -70,7 +70,7 @@ PointPlace place_of(const Scene& scene, const Vec3d& point, InstanceMask mask, C
   const std::size_t first = block.rows.size();
   bool inside = false, on_boundary = false, unknown = false;
   scene.top_level().search(point, 0.0, [&](std::uint32_t id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     if (!instance.seen_by(mask)) return 0.0;
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     const Vec3d object_point = instance.transform.point_to_object(point);

@@ -99,7 +99,7 @@ Status PoseEdits::apply(const SetPose& edit, std::size_t edit_index, SceneEditor
                    blame(edit, scene.rig().meshes[mesh_id], mesh_id)};
   }
   change.for_moved_instances([&](std::uint32_t id, const Affine& place) {
-    if (scene.find_instance(id) == nullptr) return;
+    if (!scene.find_instance(id)) return;
     const InstanceTransform transform(place);
     editor.move_instance(id, transform);
     touched.push_back(id);

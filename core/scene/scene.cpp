@@ -12,9 +12,9 @@ Error at(std::string where, const Error& error) {
 
 }  // namespace
 
-const Instance* Scene::find_instance(std::uint32_t instance_id) const {
-  if (instance_id >= instances_.size() || !instances_[instance_id].alive) return nullptr;
-  return &instances_[instance_id];
+std::optional<Instance> Scene::find_instance(std::uint32_t instance_id) const {
+  if (instance_id >= instances_.size() || !instances_.slot(instance_id).alive) return std::nullopt;
+  return instances_[instance_id];
 }
 
 const std::string& Scene::instance_name(std::uint32_t instance_id) const {
@@ -63,7 +63,7 @@ Status Scene::validate() const {
   if (top_level_.slots() != instances_.size())
     return Error{ErrorCode::kInternal, "the top level has another number of slots", "/top_level"};
   for (std::uint32_t id = 0; id < instances_.size(); ++id) {
-    const Instance& instance = instances_[id];
+    const Instance instance = instances_[id];
     const auto box =
         instance.alive ? hit_box(instance.transform, hull(instance.mesh_id)) : tlas::InstanceBox{};
     if (!(top_level_.box(id) == box))

@@ -10,9 +10,8 @@
 #include <vector>
 
 #include "core/blas/blas.h"
-#include "core/math/affine.h"
 #include "core/math/chunked_vector.h"
-#include "core/math/instance_mask.h"
+#include "core/scene/instance_table.h"
 #include "core/scene/mesh_hull.h"
 #include "core/scene/scene_data.h"
 #include "core/tlas/top_level.h"
@@ -21,18 +20,6 @@ namespace gridcast::scene {
 
 struct Rig;
 struct Pose;
-
-/// A slot of the scene; instance_id is its index. A removed instance leaves a dead slot: ids are never
-/// reused.
-struct Instance {
-  InstanceTransform transform;
-  std::uint32_t mesh_id = kInvalidId;
-  bool alive = true;
-  InstanceMask mask = kFullMask;  ///< 0: no query sees it
-
-  [[nodiscard]] bool seen_by(InstanceMask query) const { return (mask & query) != 0; }
-};
-static_assert(sizeof(Instance) == sizeof(InstanceTransform) + 8, "the mask lies in the padding");
 
 /// An immutable snapshot. Any number of threads may query one while newer ones are made; snapshots share
 /// all that an update did not touch.
@@ -45,9 +32,12 @@ class Scene {
   [[nodiscard]] const MeshHull& hull(std::uint32_t mesh_id) const { return hulls_[mesh_id]; }
   [[nodiscard]] std::size_t instance_slots() const { return instances_.size(); }
   [[nodiscard]] std::size_t instance_count() const { return live_instances_; }
-  /// Null for an id out of range or a removed instance.
-  [[nodiscard]] const Instance* find_instance(std::uint32_t instance_id) const;
-  [[nodiscard]] const Instance& instance(std::uint32_t instance_id) const { return instances_[instance_id]; }
+  /// None for an id out of range or a removed instance, which leaves a dead slot: ids are never reused.
+  [[nodiscard]] std::optional<Instance> find_instance(std::uint32_t instance_id) const;
+  [[nodiscard]] Instance instance(std::uint32_t instance_id) const { return instances_[instance_id]; }
+  [[gnu::always_inline]] void prefetch_instance(std::uint32_t instance_id) const {
+    instances_.prefetch(instance_id);
+  }
   [[nodiscard]] const std::string& instance_name(std::uint32_t instance_id) const;
 
   /// What every structure was asked to be; meshes added by an update get the same.
@@ -83,7 +73,7 @@ class Scene {
   blas::BuildOptions blas_options_;  ///< for meshes added later
   std::vector<blas::Blas> blas_;
   std::vector<MeshHull> hulls_;  ///< one per mesh
-  ChunkedVector<Instance, 32> instances_;
+  InstanceTable instances_;
   ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id
   /// In place of the names that instances came with; null where none has another.
   std::shared_ptr<const std::map<std::uint32_t, std::string>> new_names_;

@@ -26,12 +26,13 @@ Error singular_transform(std::string where) {
           std::move(where)};
 }
 
-std::uint32_t SceneEditor::add_instance(const Instance& instance, const std::string& name) {
+std::uint32_t SceneEditor::add_instance(const InstanceTransform& transform, const InstanceSlot& slot,
+                                        const std::string& name) {
   const auto instance_id = std::uint32_t(scene_->instances_.size());
-  scene_->instances_.push_back(instance);
+  scene_->instances_.push_back(transform, slot);
   if (!name.empty()) scene_->added_names_.push_back({instance_id, name});
   ++scene_->live_instances_;
-  scene_->world_triangles_ += scene_->blas(instance.mesh_id).mesh().triangle_count();
+  scene_->world_triangles_ += scene_->blas(slot.mesh_id).mesh().triangle_count();
   return instance_id;
 }
 
@@ -46,20 +47,20 @@ void SceneEditor::set_name(std::uint32_t instance_id, const std::string& name) {
 }
 
 void SceneEditor::remove_instance(std::uint32_t instance_id) {
-  Instance& instance = scene_->instances_.write(instance_id);
-  instance.alive = false;
+  InstanceSlot& slot = scene_->instances_.write_slot(instance_id);
+  slot.alive = false;
   --scene_->live_instances_;
-  scene_->world_triangles_ -= scene_->blas(instance.mesh_id).mesh().triangle_count();
+  scene_->world_triangles_ -= scene_->blas(slot.mesh_id).mesh().triangle_count();
 }
 
 void SceneEditor::count_instances() {
   scene_->live_instances_ = 0;
   scene_->world_triangles_ = 0;
-  for (std::size_t i = 0; i < scene_->instances_.size(); ++i) {
-    const Instance& instance = scene_->instances_[i];
-    if (!instance.alive) continue;
+  for (std::uint32_t id = 0; id < scene_->instances_.size(); ++id) {
+    const InstanceSlot& slot = scene_->instances_.slot(id);
+    if (!slot.alive) continue;
     ++scene_->live_instances_;
-    scene_->world_triangles_ += scene_->blas(instance.mesh_id).mesh().triangle_count();
+    scene_->world_triangles_ += scene_->blas(slot.mesh_id).mesh().triangle_count();
   }
 }
 
@@ -72,11 +73,10 @@ tlas::BoxTable& SceneEditor::boxes() {
 void SceneEditor::update_top_level(std::vector<std::uint32_t> instance_ids) {
   tlas::BoxTable& boxes = this->boxes();
   sort_ids(instance_ids);
-  for_each_part(
-      instance_ids.size(), [&](std::size_t k) { return instance_ids[k]; },
-      [&](std::size_t begin, std::size_t end) {
-        for (std::size_t k = begin; k < end; ++k) boxes.write(instance_ids[k]) = hit_box_of(instance_ids[k]);
-      });
+  const auto borders = part_borders(instance_ids.size(), [&](std::size_t k) { return instance_ids[k]; });
+  for_each_part(borders, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) boxes.write(instance_ids[k]) = hit_box_of(instance_ids[k]);
+  });
   if (instance_ids.empty()) {
     instance_ids.swap(moved_);
   } else {
@@ -87,7 +87,7 @@ void SceneEditor::update_top_level(std::vector<std::uint32_t> instance_ids) {
 }
 
 tlas::InstanceBox SceneEditor::hit_box_of(std::uint32_t instance_id) const {
-  const Instance& instance = scene_->instance(instance_id);
+  const Instance instance = scene_->instance(instance_id);
   if (!instance.alive) return {};
   return hit_box(instance.transform, scene_->hull(instance.mesh_id));
 }

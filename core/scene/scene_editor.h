@@ -46,14 +46,15 @@ class SceneEditor {
 
   void reserve_instances(std::size_t count) { scene_->instances_.grow(count); }
   /// Writes a slot; different chunks of slots may be written from different threads.
-  void set_instance(std::uint32_t instance_id, const Instance& instance) {
-    scene_->instances_.write(instance_id) = instance;
+  void set_instance(std::uint32_t instance_id, const InstanceTransform& transform, const InstanceSlot& slot) {
+    move_instance(instance_id, transform);
+    scene_->instances_.write_slot(instance_id) = slot;
   }
   void move_instance(std::uint32_t instance_id, const InstanceTransform& transform) {
-    scene_->instances_.write(instance_id).transform = transform;
+    scene_->instances_.transforms().write(instance_id) = transform;
   }
   void set_mask(std::uint32_t instance_id, InstanceMask mask) {
-    scene_->instances_.write(instance_id).mask = mask;
+    scene_->instances_.write_slot(instance_id).mask = mask;
   }
   /// In place of the name that the instance has.
   void set_name(std::uint32_t instance_id, const std::string& name);
@@ -61,7 +62,8 @@ class SceneEditor {
   /// `/3/instance_id` (kNotFound, kInvalidArgument for a second move of an instance) or
   /// `/3/world_from_object` (kInvalidArgument); the editor is of no use then.
   [[nodiscard]] Status move_instances(std::span<const MoveInstance> moves);
-  std::uint32_t add_instance(const Instance& instance, const std::string& name);
+  std::uint32_t add_instance(const InstanceTransform& transform, const InstanceSlot& slot,
+                             const std::string& name);
   void add_name(std::uint32_t instance_id, const std::string& name) {
     scene_->added_names_.push_back({instance_id, name});
   }

@@ -19,8 +19,8 @@ class SceneKeeper {
     SceneState state{kept.version, kept.build, kept.data, kept.pose, {}, {}, {}, {}};
     for (const blas::Blas& blas : kept.blas) state.meshes.push_back({blas.mesh_ptr(), blas.options()});
     state.instances.reserve(kept.instances.size());
-    for (std::size_t i = 0; i < kept.instances.size(); ++i)
-      state.instances.push_back(state_of(kept.instances[i]));
+    for (std::uint32_t id = 0; id < kept.instances.size(); ++id)
+      state.instances.push_back(state_of(kept.instances[id]));
     for (std::size_t i = 0; i < kept.added_names.size(); ++i)
       state.added_names.push_back({kept.added_names[i].instance_id, kept.added_names[i].name});
     if (kept.new_names != nullptr) state.new_names = *kept.new_names;
@@ -30,14 +30,15 @@ class SceneKeeper {
   static SceneDelta difference(const Scene& before, const Scene& after) {
     const Kept old = kept_of(before), now = kept_of(after);
     SceneDelta delta{now.version, pose_change(old, now), {}, {}, {}, name_changes(old, now)};
-    for (std::size_t i = 0; i < now.instances.size(); ++i) {
-      if (i % Instances::kChunkSize == 0 && now.instances.shares_chunk(old.instances, i)) {
-        i += Instances::kChunkSize - 1;
+    constexpr std::uint32_t kChunk = InstanceTable::kChunkSize;
+    for (std::uint32_t id = 0; id < now.instances.size(); ++id) {
+      if (id % kChunk == 0 && now.instances.shares_chunk(old.instances, id)) {
+        id += kChunk - 1;
         continue;
       }
-      const InstanceState state = state_of(now.instances[i]);
-      if (i < old.instances.size() && same(state, state_of(old.instances[i]))) continue;
-      delta.instances.push_back({std::uint32_t(i), state});
+      const InstanceState state = state_of(now.instances[id]);
+      if (id < old.instances.size() && same(state, state_of(old.instances[id]))) continue;
+      delta.instances.push_back({id, state});
     }
     for (std::size_t i = old.added_names.size(); i < now.added_names.size(); ++i)
       delta.added_names.push_back({now.added_names[i].instance_id, now.added_names[i].name});
@@ -50,13 +51,11 @@ class SceneKeeper {
   }
 
  private:
-  using Instances = ChunkedVector<Instance, 32>;
-
   struct Kept {
     std::uint64_t version;
     const blas::BuildOptions& build;
     const std::vector<blas::Blas>& blas;
-    const Instances& instances;
+    const InstanceTable& instances;
     const ChunkedVector<Scene::AddedName, 64>& added_names;
     const std::shared_ptr<const std::map<std::uint32_t, std::string>>& new_names;
     const std::shared_ptr<const SceneData>& data;
@@ -189,8 +188,8 @@ void place_instances(SceneEditor& editor, const std::vector<InstanceState>& inst
     const std::size_t end = std::min(instances.size(), (task + 1) * kInstancesPerTask);
     for (std::size_t i = task * kInstancesPerTask; i < end; ++i) {
       const InstanceState& state = instances[i];
-      editor.set_instance(std::uint32_t(i), {InstanceTransform(state.world_from_object), state.mesh_id,
-                                             state.alive, state.mask});
+      editor.set_instance(std::uint32_t(i), InstanceTransform(state.world_from_object),
+                          {state.mesh_id, state.alive, state.mask});
       boxes[i] = editor.hit_box_of(std::uint32_t(i));
     }
   });

@@ -18,7 +18,7 @@ struct ExactQuery {
   /// The structure to ask with `object_ray`, or null when nothing of the instance lies at tnear to `far`, or
   /// the ray does not see it.
   const blas::Blas* enter(std::uint32_t instance_id, double far) {
-    const Instance& instance = scene.instance(instance_id);
+    const Instance instance = scene.instance(instance_id);
     if (!instance.seen_by(filter.mask)) return nullptr;
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     if (!exact_ray.prepare(object_ray, ray, instance.transform, blas.mesh(), blas.bounds(), far))

@@ -50,7 +50,7 @@ inline void closest_hit(const Scene& scene, const Ray& ray, const QueryFilter& f
   } else {
     mesh::ObjectRay object_ray;
     scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
-      const Instance& instance = scene.instance(id);
+      const Instance instance = scene.instance(id);
       const blas::Blas& blas = scene.blas(instance.mesh_id);
       if (prepare_for(object_ray, instance, blas, ray, best.t, id, filter))
         blas.template intersect<kPrecision>(object_ray, best);
@@ -68,7 +68,7 @@ inline bool any_hit(const Scene& scene, const Ray& ray, const QueryFilter& filte
     bool hit = false;
     mesh::ObjectRay object_ray;
     scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
-      const Instance& instance = scene.instance(id);
+      const Instance instance = scene.instance(id);
       const blas::Blas& blas = scene.blas(instance.mesh_id);
       hit = prepare_for(object_ray, instance, blas, ray, ray.tfar, id, filter) &&
             blas.template occluded<kPrecision>(object_ray, ray.tfar);

@@ -26,25 +26,25 @@ class Update {
       return Error{ErrorCode::kLimitExceeded, "all instance ids are used", ""};
     const InstanceTransform transform(edit.world_from_object);
     if (!transform.active()) return singular_transform("/world_from_object");
-    touched_.push_back(editor_.add_instance({transform, edit.mesh_id, true, edit.mask}, edit.name));
+    touched_.push_back(editor_.add_instance(transform, {edit.mesh_id, true, edit.mask}, edit.name));
     report_.added_instances.push_back(touched_.back());
     return ok_status();
   }
 
   Status operator()(const RemoveInstance& edit) {
-    if (scene().find_instance(edit.instance_id) == nullptr) return no_instance(edit.instance_id);
+    if (!scene().find_instance(edit.instance_id)) return no_instance(edit.instance_id);
     editor_.remove_instance(edit.instance_id);
     touched_.push_back(edit.instance_id);
     return ok_status();
   }
 
   Status operator()(const MoveInstance& edit) {
-    if (scene().find_instance(edit.instance_id) == nullptr) return no_instance(edit.instance_id);
+    if (!scene().find_instance(edit.instance_id)) return no_instance(edit.instance_id);
     return move(edit.instance_id, edit.world_from_object);
   }
 
   Status operator()(const ChangeInstance& edit) {
-    if (scene().find_instance(edit.instance_id) == nullptr) return no_instance(edit.instance_id);
+    if (!scene().find_instance(edit.instance_id)) return no_instance(edit.instance_id);
     // A mask moves nothing: the top level keeps every instance, whoever sees it.
     if (edit.mask) editor_.set_mask(edit.instance_id, *edit.mask);
     if (edit.name) editor_.set_name(edit.instance_id, *edit.name);

@@ -32,6 +32,50 @@ void add(FilingSummary& sum, const FilingSummary& part) {
   sum.max_drift = std::max(sum.max_drift, part.max_drift);
 }
 
+/// Stands for the block of a box that is in none.
+constexpr std::uint32_t kNoBlock = 0xFFFFFFFF;
+
+/// Where blocks are in the layout.
+class BlockNumbers {
+ public:
+  explicit BlockNumbers(const GridLayout& layout) : row_(layout.blocks[0]), rows_(layout.blocks[1]) {
+    for (std::size_t plane = 0; plane < 6; ++plane) shift_[plane] = layout.shift[plane % 3];
+  }
+
+  /// The lower and the upper corner of the blocks of a range of cells that is not empty.
+  struct Corners {
+    std::uint32_t at[6];
+    [[nodiscard]] bool several() const { return ((at[0] ^ at[3]) | (at[1] ^ at[4]) | (at[2] ^ at[5])) != 0; }
+  };
+  [[nodiscard]] Corners corners(const PackedRange& range) const {
+    Corners corners;
+    for (std::size_t plane = 0; plane < 6; ++plane)
+      corners.at[plane] = std::uint32_t(range[plane]) >> shift_[plane];
+    return corners;
+  }
+  [[nodiscard]] std::uint32_t first(const Corners& corners) const {
+    return number(corners.at[0], corners.at[1], corners.at[2]);
+  }
+  /// Calls visit(block) for all but the first.
+  template <class Visit>
+  void for_each_other(const Corners& corners, const Visit& visit) const {
+    const std::uint32_t* const at = corners.at;
+    const std::uint32_t first_block = first(corners);
+    for (std::uint32_t z = at[2]; z <= at[5]; ++z)
+      for (std::uint32_t y = at[1]; y <= at[4]; ++y)
+        for (std::uint32_t x = at[0]; x <= at[3]; ++x)
+          if (const std::uint32_t block = number(x, y, z); block != first_block) visit(block);
+  }
+
+ private:
+  [[nodiscard]] std::uint32_t number(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
+    return (z * rows_ + y) * row_ + x;
+  }
+
+  std::uint32_t row_, rows_;
+  std::uint32_t shift_[6];  ///< log2 of a block's cells, by the numbers of a PackedRange
+};
+
 /// A counting sort without atomics: one histogram per task, so that the order within a block is that of the
 /// ids whatever the threads do.
 class Sort {
@@ -39,20 +83,18 @@ class Sort {
   Sort(const GridLayout& layout, const BoxTable& boxes)
       : layout_(layout),
         boxes_(boxes),
+        numbers_(layout),
+        filing_(layout),
         tasks_(task_count(boxes.size(), layout.block_count())),
-        next_(tasks_),
-        parts_(tasks_),
-        ranges_(std::make_unique_for_overwrite<PackedRange[]>(boxes.size())) {
-    for (std::size_t plane = 0; plane < 6; ++plane) shift_[plane] = layout.shift[plane % 3];
-  }
+        first_block_(std::make_unique_for_overwrite<std::uint32_t[]>(boxes.size())) {}
 
   /// Counts every task's instances by block.
   void count() {
-    tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) { count(task); });
+    tbb::parallel_for(std::size_t(0), tasks_.size(), [&](std::size_t task) { count(task); });
   }
   [[nodiscard]] FilingSummary summary() const {
     FilingSummary sum;
-    for (const FilingSummary& part : parts_) add(sum, part);
+    for (const Task& task : tasks_) add(sum, task.summary);
     return sum;
   }
   /// Where each block's ids begin, and where all end.
@@ -62,108 +104,99 @@ class Sort {
     std::uint32_t total = 0;
     for (std::size_t block = 0; block < blocks; ++block) {
       starts[block] = total;
-      for (std::size_t task = 0; task < tasks_; ++task) total += std::exchange(next_[task][block], total);
+      for (Task& task : tasks_) total += std::exchange(task.next[block], total);
     }
     starts[blocks] = total;
     return starts;
   }
   /// After starts().
   void place(std::vector<std::uint32_t>& ids) {
-    tbb::parallel_for(std::size_t(0), tasks_, [&](std::size_t task) {
-      std::uint32_t* const next = next_[task].data();
-      for_each_chunk(task, [&](std::size_t first, std::size_t size) {
-        visit_blocks(first, size,
-                     [&](std::size_t i, std::size_t block) { ids[next[block]++] = std::uint32_t(i); });
-      });
+    tbb::parallel_for(std::size_t(0), tasks_.size(), [&](std::size_t k) {
+      Task& task = tasks_[k];
+      std::uint32_t* const next = task.next.data();
+      auto other = task.others.begin();
+      for (std::size_t first = begin(k); first < begin(k + 1); first += kChunk) {
+        const std::size_t end = std::min(first + kChunk, begin(k + 1));
+        for (std::size_t i = first; i < end; ++i)
+          if (first_block_[i] != kNoBlock) ids[next[first_block_[i]]++] = std::uint32_t(i);
+        for (; other != task.others.end() && other->id < end; ++other) ids[next[other->block]++] = other->id;
+      }
     });
   }
 
  private:
+  /// A block that a box is in beside its first one.
+  struct Other {
+    std::uint32_t block, id;
+  };
+  struct Task {
+    std::vector<std::uint32_t> next;  ///< by block: how many, then where the next id goes
+    std::vector<Other> others;        ///< by chunks of the boxes
+    FilingSummary summary;
+  };
+
   /// Whole chunks of the table of boxes.
   [[nodiscard]] std::size_t begin(std::size_t task) const {
     const std::size_t chunks = (boxes_.size() + kChunk - 1) / kChunk;
-    return std::min(chunks * task / tasks_ * kChunk, boxes_.size());
+    return std::min(chunks * task / tasks_.size() * kChunk, boxes_.size());
   }
 
-  template <class Visit>
-  void for_each_chunk(std::size_t task, const Visit& visit) const {
-    for (std::size_t first = begin(task); first < begin(task + 1); first += kChunk)
-      visit(first, std::min(kChunk, boxes_.size() - first));
-  }
-
-  void count(std::size_t task) {
-    std::vector<std::uint32_t>& counts = next_[task];
-    counts.resize(layout_.block_count(), 0);
-    FilingSummary& part = parts_[task];
-    const BoxFiling filing(layout_);
-    for_each_chunk(task, [&](std::size_t first, std::size_t size) {
-      const std::span<const InstanceBox> boxes = boxes_.chunk(first).first(size);
-      if (first + size < begin(task + 1))
+  void count(std::size_t k) {
+    Task& task = tasks_[k];
+    task.next.resize(layout_.block_count(), 0);
+    for (std::size_t first = begin(k); first < begin(k + 1); first += kChunk) {
+      const std::size_t size = std::min(kChunk, boxes_.size() - first);
+      if (first + size < begin(k + 1))
         for (const InstanceBox& next : boxes_.chunk(first + size)) __builtin_prefetch(&next);
-      filing.find_ranges(boxes, &ranges_[first], part.bounds);
-      for (std::size_t k = 0; k < size; ++k) {
-        part.reachable += std::size_t(!boxes[k].bounds.empty());
-        const PackedRange& range = ranges_[first + k];
-        if (range[0] > range[3]) continue;
-        ++part.filed;
-        part.max_drift = std::max(part.max_drift, boxes[k].drift);
-        part.references += std::bit_cast<CellRange>(range).cell_count();
-      }
-      visit_blocks(first, size, [&](std::size_t /*i*/, std::size_t block) { ++counts[block]; });
-    });
-  }
-
-  /// Calls visit(i, block) for all blocks of the boxes of a chunk: first one block of each box, then the
-  /// others of those that are in several, since whether a box is in one alone is guessed wrong time and
-  /// again. The lower and the upper corner of the blocks of a range, and the number of the first of these.
-  struct Blocks {
-    std::uint32_t corners[6];
-    std::uint32_t first;
-  };
-  [[nodiscard]] Blocks blocks_of(const PackedRange& range) const {
-    Blocks blocks;
-    for (std::size_t plane = 0; plane < 6; ++plane)
-      blocks.corners[plane] = std::uint32_t(range[plane]) >> shift_[plane];
-    blocks.first = index_of(blocks.corners[0], blocks.corners[1], blocks.corners[2]);
-    return blocks;
-  }
-  [[nodiscard]] std::uint32_t index_of(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
-    return (z * layout_.blocks[1] + y) * layout_.blocks[0] + x;
-  }
-
-  /// Calls visit(i, block) for all blocks of the boxes of a chunk: first one block of each box, then the
-  /// others of those that are in several, since whether a box is in one alone is guessed wrong time and
-  /// again.
-  template <class Visit>
-  void visit_blocks(std::size_t first, std::size_t size, const Visit& visit) const {
-    std::uint64_t in_several = 0;
-    for (std::size_t k = 0; k < size; ++k) {
-      const PackedRange& range = ranges_[first + k];
-      if (range[0] > range[3]) continue;  // empty
-      const Blocks blocks = blocks_of(range);
-      const std::uint32_t *const lower = blocks.corners, *const upper = blocks.corners + 3;
-      visit(first + k, blocks.first);
-      const std::uint32_t differ = (lower[0] ^ upper[0]) | (lower[1] ^ upper[1]) | (lower[2] ^ upper[2]);
-      in_several |= std::uint64_t(differ != 0) << k;
+      count_chunk(task, first, boxes_.chunk(first).first(size));
     }
+  }
+
+  /// First one block of each box, then the others of those that are in several, since whether a box is in one
+  /// alone is guessed wrong time and again.
+  void count_chunk(Task& task, std::size_t first, std::span<const InstanceBox> boxes) {
+    PackedRange ranges[kChunk];
+    filing_.find_ranges(boxes, ranges, task.summary.bounds);
+    std::uint32_t* const counts = task.next.data();
+    std::uint64_t in_several = 0, references = 0;
+    std::size_t reachable = 0, filed = 0;
+    float max_drift = task.summary.max_drift;
+    for (std::size_t k = 0; k < boxes.size(); ++k) {
+      const PackedRange& range = ranges[k];
+      reachable += std::size_t(!boxes[k].bounds.empty());
+      first_block_[first + k] = kNoBlock;
+      if (range[0] > range[3]) continue;
+      ++filed;
+      max_drift = std::max(max_drift, boxes[k].drift);
+      references += std::uint64_t(range[3] - range[0] + 1) * std::uint64_t(range[4] - range[1] + 1) *
+                    std::uint64_t(range[5] - range[2] + 1);
+      const BlockNumbers::Corners corners = numbers_.corners(range);
+      const std::uint32_t block = numbers_.first(corners);
+      first_block_[first + k] = block;
+      ++counts[block];
+      in_several |= std::uint64_t(corners.several()) << k;
+    }
+    task.summary.reachable += reachable;
+    task.summary.filed += filed;
+    task.summary.references += references;
+    task.summary.max_drift = max_drift;
     for (; in_several != 0; in_several &= in_several - 1) {
-      const std::size_t i = first + std::size_t(std::countr_zero(in_several));
-      const Blocks blocks = blocks_of(ranges_[i]);
-      for (std::uint32_t z = blocks.corners[2]; z <= blocks.corners[5]; ++z)
-        for (std::uint32_t y = blocks.corners[1]; y <= blocks.corners[4]; ++y)
-          for (std::uint32_t x = blocks.corners[0]; x <= blocks.corners[3]; ++x)
-            if (const std::uint32_t block = index_of(x, y, z); block != blocks.first) visit(i, block);
+      const auto k = std::size_t(std::countr_zero(in_several));
+      numbers_.for_each_other(numbers_.corners(ranges[k]), [&](std::uint32_t block) {
+        ++counts[block];
+        task.others.push_back({block, std::uint32_t(first + k)});
+      });
     }
   }
 
   const GridLayout& layout_;
   const BoxTable& boxes_;
-  std::size_t tasks_;
-  std::uint32_t shift_[6];  ///< log2 of a block's cells, by the numbers of a PackedRange
-  std::vector<std::vector<std::uint32_t>> next_;  ///< of each task: how many, then where the next id goes
-  std::vector<FilingSummary> parts_;
-  std::unique_ptr<PackedRange[]> ranges_;  ///< by id
+  BlockNumbers numbers_;
+  BoxFiling filing_;
+  std::vector<Task> tasks_;
+  std::unique_ptr<std::uint32_t[]> first_block_;  ///< by id
 };
+static_assert(kChunk <= 64, "a bit of each box of a chunk");
 
 }  // namespace
 

@@ -36,7 +36,7 @@ HttpResponse get_instance(Api& api, const HttpRequest& request) {
   if (auto* problem = std::get_if<Problem>(&opened)) return problem_response(*problem);
   const scene::Scene& scene = *std::get<OpenScene>(opened).scene;
   const auto id = parse_id(request.capture("i"));
-  if (!id || scene.find_instance(*id) == nullptr) return problem_response(no_instance());
+  if (!id || !scene.find_instance(*id)) return problem_response(no_instance());
   if (auto same = not_modified(request, scene.version())) return std::move(*same);
   return versioned_json(to_json(instance_info(scene, *id), scene.version()), scene.version());
 }

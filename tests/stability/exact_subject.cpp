@@ -42,7 +42,7 @@ PrimitiveRef name_of(const measure::exact::Hit& hit) {
 ExactSubject::ExactSubject(SceneSpec spec) : subject_(std::move(spec)), truth_(subject_.spec()) {}
 
 WorldTriangle ExactSubject::triangle(const PrimitiveRef& primitive) const {
-  const scene::Instance& instance = subject_.scene().instance(primitive.instance_id);
+  const scene::Instance instance = subject_.scene().instance(primitive.instance_id);
   return {instance.transform, subject_.scene().blas(instance.mesh_id).mesh().corners(primitive.primitive_id)};
 }
 

@@ -63,7 +63,7 @@ inline std::vector<std::uint32_t> ids_after_export(const scene::Scene& scene) {
   std::vector<std::uint32_t> ids(scene.instance_slots(), kInvalidId);
   std::uint32_t next = 0;
   for (std::uint32_t id = 0; id < ids.size(); ++id)
-    if (scene.find_instance(id) != nullptr) ids[id] = next++;
+    if (scene.find_instance(id)) ids[id] = next++;
   return ids;
 }
 

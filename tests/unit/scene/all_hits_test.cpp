@@ -120,7 +120,7 @@ TEST(AllHits, lists_are_every_triangle_tested_alone) {
     std::vector<Hit> expected;
     mesh::ObjectRay object;
     for (std::uint32_t id = 0; id < scene->instance_slots(); ++id) {
-      const Instance& instance = scene->instance(id);
+      const Instance instance = scene->instance(id);
       const auto& mesh = scene->blas(instance.mesh_id).mesh();
       const Ray local{instance.transform.point_to_object(rays[i].origin),
                       instance.transform.vector_to_object(rays[i].direction), rays[i].tnear, rays[i].tfar};

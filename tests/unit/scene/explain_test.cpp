@@ -28,7 +28,7 @@ std::vector<std::uint32_t> visits(const Scene& scene, const Ray& ray) {
   mesh::ObjectRay object_ray;
   scene.top_level().traverse(ray, ray.tfar, [&](std::uint32_t id) {
     ids.push_back(id);
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     const blas::Blas& blas = scene.blas(instance.mesh_id);
     if (prepare_for(object_ray, instance, blas, ray, best.t, id, {}))
       blas.intersect<kPrecision>(object_ray, best);
@@ -238,7 +238,7 @@ TEST(Explain, instances_that_a_mask_does_not_see_are_told_and_passed_over) {
   const auto whole = start_scene(random, 200);
   std::vector<SceneEdit> edits;
   for (std::uint32_t id = 0; id < 200; ++id)
-    if (whole->find_instance(id) != nullptr)
+    if (whole->find_instance(id))
       edits.emplace_back(ChangeInstance{id, std::nullopt, InstanceMask(1U << (id % 2)), std::nullopt});
   const auto scene = apply_update(*whole, edits).value().scene;
   std::size_t masked = 0;

@@ -58,7 +58,7 @@ TEST(GeometricNormal, corners_from_the_tree_are_those_of_the_mesh) {
   for (int i = 0; i < 3000; ++i) {
     const Ray ray{6.0 * random.direction(), random.direction()};
     for (std::uint32_t id = 0; id < 24; ++id) {
-      const Instance& instance = scene->instance(id);
+      const Instance instance = scene->instance(id);
       const blas::Blas& blas = scene->blas(instance.mesh_id);
       mesh::ObjectRay object;
       Hit best{.t = ray.tfar};

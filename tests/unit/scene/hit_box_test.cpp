@@ -2,8 +2,6 @@
 
 #include "core/scene/hit_box.h"
 
-#include "core/math/instruction_set.h"
-#include "core/scene/hit_box_batch.h"
 #include "tests/unit/scene/scene_fixture.h"
 
 namespace gridcast::scene {
@@ -72,41 +70,6 @@ TEST(HitBox, holds_every_placed_vertex_and_is_empty_for_an_empty_mesh) {
   }
   EXPECT_TRUE(hit_box(InstanceTransform(), hull_of({})).bounds.empty());
   EXPECT_TRUE(hit_box(InstanceTransform(Affine{Mat3d(0.0), Vec3d(0.0)}), hull).bounds.empty());
-}
-
-TEST(HitBoxBatch, is_the_single_box_bit_for_bit_with_every_instruction_set) {
-  const std::uint64_t seed = test::seed_or(67);
-  const MeshHull hulls[] = {hull_of(test::jittered_icosphere(3, 5)), hull_of(test::soup(200, 3)),
-                            hull_of(test::translated(test::torus(12, 8), Vec3f(1e4F)))};
-  for (const std::string_view set : instruction_sets()) {
-    SCOPED_TRACE(set);
-    ASSERT_TRUE(limit_instruction_set(set).ok());
-    test::Random random(seed);
-    TransformBatch batch;
-    BoxLanes boxes;
-    for (int round = 0; round < 500; ++round) {
-      HullLanes lanes;
-      const std::uint32_t shared = random.below(6);  // one hull for all lanes, or any
-      Affine placed[TransformBatch::kSize];
-      for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane) {
-        placed[lane] = random_affine(random, 100.0, std::exp2(random.uniform(-20.0, 20.0)));
-        // Ties of components, where the order of the axes is a matter of choice.
-        if (random.below(3) == 0) placed[lane].linear = Mat3d(glm::dmat3(random.below(2) == 0 ? 2.0 : -1.0));
-        if (random.below(3) == 0) placed[lane].linear[1][0] = placed[lane].linear[0][0];
-        batch.set(lane, placed[lane]);
-        lanes[lane] = &hulls[shared < 3 ? shared : random.below(3)];
-      }
-      batch.invert();
-      hit_boxes(batch, lanes, boxes);
-      for (std::size_t lane = 0; lane < TransformBatch::kSize; ++lane) {
-        const InstanceTransform alone(placed[lane]);
-        if (alone.active()) {
-          ASSERT_EQ(boxes.box(lane), hit_box(alone, *lanes[lane])) << round;
-        }
-      }
-    }
-  }
-  EXPECT_TRUE(limit_instruction_set(kNativeInstructionSet).ok());
 }
 
 }  // namespace

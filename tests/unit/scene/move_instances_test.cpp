@@ -15,7 +15,7 @@ namespace {
 std::vector<MoveInstance> random_moves(const Scene& scene, std::size_t count, test::Random& random) {
   std::vector<std::uint32_t> ids(scene.instance_slots());
   std::iota(ids.begin(), ids.end(), 0U);
-  std::erase_if(ids, [&](std::uint32_t id) { return scene.find_instance(id) == nullptr; });
+  std::erase_if(ids, [&](std::uint32_t id) { return !scene.find_instance(id); });
   for (std::size_t i = ids.size(); i > 1; --i) std::swap(ids[i - 1], ids[random.below(std::uint32_t(i))]);
   ids.resize(count);
   if (random.below(2) == 0) std::sort(ids.begin(), ids.end());
@@ -93,6 +93,33 @@ TEST(MoveInstances, mixes_with_other_edits_in_their_order) {
   edits.insert(edits.begin(), added);
   edits.insert(edits.end(), {RemoveInstance{17}, grown, last});
   expect_same_scene(*bulk, *updated(*scene, edits), random);
+}
+
+TEST(MoveInstances, moves_that_hardly_are_out_of_order_are_found_so_wherever_they_stand) {
+  test::Random random(test::seed_or(84));
+  const auto scene = start_scene(random, 2300);
+  std::vector<MoveInstance> sorted = random_moves(*scene, 2300, random);
+  std::ranges::sort(sorted, {}, &MoveInstance::instance_id);
+  const auto wanted = updated(*scene, {MoveInstances{sorted}});
+  // Parts of several hundred moves are looked at apart: around their borders, and those of chunks.
+  for (const std::size_t at : {0U, 63U, 64U, 130U, 511U, 512U, 700U, 1023U, 1024U, 1600U, 2298U}) {
+    for (const std::size_t far : {1U, 2U, 66U, 513U, 1100U}) {
+      if (at + far >= sorted.size()) continue;
+      std::vector<MoveInstance> moves = sorted;
+      moves[at + far].instance_id = moves[at].instance_id;
+      const auto twice = apply_update(*scene, {MoveInstances{moves}});
+      ASSERT_FALSE(twice.ok());
+      ASSERT_EQ(twice.error().where, "/edits/0/moves/" + std::to_string(at + far) + "/instance_id");
+      moves = sorted;
+      std::swap(moves[at], moves[at + far]);
+      const auto moved = updated(*scene, {MoveInstances{moves}});
+      for (std::uint32_t id = 0; id < 2300; ++id) {
+        ASSERT_EQ(moved->instance(id).transform.world_from_object(),
+                  wanted->instance(id).transform.world_from_object());
+        ASSERT_EQ(moved->top_level().box(id), wanted->top_level().box(id));
+      }
+    }
+  }
 }
 
 TEST(MoveInstances, the_first_move_that_is_wrong_is_named_and_nothing_changes) {

@@ -58,7 +58,7 @@ struct Nearest {
 Nearest nearest_of_all(const Scene& scene, const Vec3d& point) {
   Nearest best;
   for (std::uint32_t id = 0; id < scene.instance_slots(); ++id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     const Affine& world = instance.transform.world_from_object();
     const mesh::TriangleMesh& mesh = scene.blas(instance.mesh_id).mesh();
     for (std::uint32_t k = 0; k < mesh.triangle_count(); ++k) {
@@ -84,7 +84,7 @@ std::vector<double> points_around(const Scene& scene, test::Random& random, int 
   std::vector<double> rows;
   const double size = max_abs(scene.bounds().extent());
   for (int i = 0; i < count; ++i) {
-    const Instance& instance = scene.instance(random.below(std::uint32_t(scene.instance_slots())));
+    const Instance instance = scene.instance(random.below(std::uint32_t(scene.instance_slots())));
     Vec3d p = instance.transform.world_from_object().point(random.in_box(1.2));
     if (i % 3 == 1) p += std::pow(10.0, random.uniform(-4.0, 0.5)) * size * random.direction();
     if (i % 3 == 2) p = scene.bounds().lower + size * (random.in_box(0.6) + Vec3d(0.5));

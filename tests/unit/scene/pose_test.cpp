@@ -200,7 +200,7 @@ TEST(Pose, what_a_pose_does_not_change_stays_where_other_edits_put_it) {
   ASSERT_TRUE(last.ok());
   EXPECT_EQ(last->report.poses.at(0).moved_instances, 1U);
   EXPECT_EQ(last->scene->instance(1).transform.world_from_object().translation, Vec3d(7.0));
-  EXPECT_EQ(last->scene->find_instance(2), nullptr);
+  EXPECT_FALSE(last->scene->find_instance(2));
   EXPECT_TRUE(last->scene->validate().ok());
 }
 

@@ -94,8 +94,8 @@ inline Ray random_ray(const Scene& scene, test::Random& random) {
 inline Hit brute_force(const Scene& scene, const Ray& ray, Precision precision) {
   Hit best{.t = ray.tfar};
   for (std::uint32_t id = 0; id < scene.instance_slots(); ++id) {
-    const Instance* instance = scene.find_instance(id);
-    if (instance == nullptr || !instance->transform.active()) continue;
+    const auto instance = scene.find_instance(id);
+    if (!instance || !instance->transform.active()) continue;
     const auto& mesh = scene.blas(instance->mesh_id).mesh();
     mesh::ObjectRay object;
     const Ray local{instance->transform.point_to_object(ray.origin),

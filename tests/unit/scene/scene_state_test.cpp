@@ -38,7 +38,7 @@ TEST(SceneState, restores_version_ids_names_and_answers) {
   EXPECT_TRUE(restored->validate());
   EXPECT_EQ(restored->version(), 2U);
   EXPECT_EQ(restored->instance_slots(), 4U);
-  EXPECT_EQ(restored->find_instance(1), nullptr);
+  EXPECT_FALSE(restored->find_instance(1));
   EXPECT_EQ(restored->instance_name(3), "added");
   EXPECT_EQ(restored->world_triangle_count(), second->world_triangle_count());
   for (int i = -12; i < 24; ++i) {

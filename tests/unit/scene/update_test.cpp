@@ -14,7 +14,7 @@ std::shared_ptr<const Scene> built_anew(const Scene& scene) {
   for (std::uint32_t id = 0; id < scene.mesh_count(); ++id) data.meshes.push_back(scene.blas(id).mesh_ptr());
   data.deformations.resize(data.meshes.size());
   for (std::uint32_t id = 0; id < scene.instance_slots(); ++id) {
-    const Instance& instance = scene.instance(id);
+    const Instance instance = scene.instance(id);
     place(data, instance.mesh_id,
           instance.alive ? instance.transform.world_from_object() : Affine{Mat3d(0.0), {}});
   }
@@ -63,7 +63,7 @@ TEST(SceneUpdate, random_updates_answer_like_a_scene_built_anew_and_leave_the_ol
   for (int round = 0; round < 40; ++round) {
     std::vector<std::uint32_t> alive;
     for (std::uint32_t id = 0; id < scene->instance_slots(); ++id)
-      if (scene->find_instance(id) != nullptr) alive.push_back(id);
+      if (scene->find_instance(id)) alive.push_back(id);
     std::vector<SceneEdit> edits;
     for (std::uint32_t k = 0; k <= random.below(6); ++k) edits.push_back(random_edit(*scene, alive, random));
     const auto result = apply_update(*scene, edits);
@@ -90,15 +90,14 @@ TEST(SceneUpdate, counts_names_and_ids_follow_the_edits) {
   EXPECT_EQ(result->report.added_meshes, std::vector<std::uint32_t>{4});
   EXPECT_EQ(next.instance_count(), 7U);
   EXPECT_EQ(next.instance_slots(), 8U);
-  EXPECT_EQ(next.find_instance(2), nullptr);
-  EXPECT_EQ(next.find_instance(8), nullptr);
+  EXPECT_FALSE(next.find_instance(2));
+  EXPECT_FALSE(next.find_instance(8));
   EXPECT_EQ(next.instance_name(5), "new");
   EXPECT_EQ(next.instance_name(6), "");
   EXPECT_EQ(next.instance_name(7), "tri");
   std::uint64_t triangles = 0;
   for (std::uint32_t id = 0; id < next.instance_slots(); ++id)
-    if (next.find_instance(id) != nullptr)
-      triangles += next.blas(next.instance(id).mesh_id).mesh().triangle_count();
+    if (next.find_instance(id)) triangles += next.blas(next.instance(id).mesh_id).mesh().triangle_count();
   EXPECT_EQ(next.world_triangle_count(), triangles);
 }
 

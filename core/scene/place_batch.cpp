@@ -1,25 +1,29 @@
 // Compiled once per instruction set and chosen at run time by Highway. hit_box.cpp says why the boxes are
 // right; here are the same operations in the same order, none of them fused.
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE \
-  "core/scene/hit_box_batch.cpp"  // NOLINT: Highway includes this file once per target
+#define HWY_TARGET_INCLUDE "core/scene/place_batch.cpp"  // NOLINT: Highway includes this file once per target
 
-#include "core/scene/hit_box_batch.h"
+#include "core/scene/place_batch.h"
 
 #include <algorithm>
 
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include "core/math/transform_lanes-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::scene::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr std::size_t kSize = TransformBatch::kSize;
-using D = hn::CappedTag<double, kSize>;
-using V = hn::Vec<D>;
-using Lanes = TransformBatch::Lanes;
+using gridcast::HWY_NAMESPACE::Four;
+using gridcast::HWY_NAMESPACE::store_rows;
+using gridcast::HWY_NAMESPACE::TransformLanes;
+using D = TransformLanes::D;
+using V = TransformLanes::V;
+constexpr std::size_t kSize = PlaceBatch::kSize;
+constexpr std::size_t kLanes = TransformLanes::kSize;
 
 /// How far the meshes reach along a row of their matrices.
 struct Reaches {
@@ -128,33 +132,44 @@ HWY_INLINE V round_to_float(V x) {
   return hn::PromoteTo(d, hn::DemoteTo(f, x));
 }
 
-template <class Hulls>
-HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const Hulls& hulls, std::size_t lane,
-                               BoxLanes& boxes) {
+/// A box as the seven numbers that it takes in memory; the last is `drift` and padding.
+static_assert(sizeof(tlas::InstanceBox) == 7 * sizeof(double) &&
+              offsetof(tlas::InstanceBox, drift) == 6 * sizeof(double));
+using BoxRows = std::array<double*, kLanes>;
+
+HWY_INLINE void store_boxes(const V (&lower)[3], const V (&upper)[3], V drift, BoxRows rows) {
   const D d;
-  const auto load = [&](const Lanes& from) HWY_ATTR { return hn::Load(d, from.data() + lane); };
+  const hn::Rebind<float, D> f;
+  const hn::Rebind<std::uint32_t, D> u32;
+  const hn::Rebind<std::uint64_t, D> u64;
+  const V last = hn::BitCast(d, hn::PromoteTo(u64, hn::BitCast(u32, hn::DemoteTo(f, drift))));
+  store_rows<4>(d, Four<D>{{lower[0], lower[1], lower[2], upper[0]}}, rows);
+  for (double*& row : rows) row += 4;
+  store_rows<3>(d, Four<D>{{upper[1], upper[2], last, last}}, rows);
+}
+
+template <class Hulls>
+HWY_INLINE void write_boxes(const TransformLanes& lanes, const Hulls& hulls, const BoxRows& rows) {
+  const D d;
   const V size = hulls.magnitude();
   const V growth = hn::Set(d, 0x1p-17) * size + hn::Set(d, 0x1p-98);
-  V lower[3], upper[3], translation[3], lengths[3], inverse_rows[3], reaches[3];
+  V lower[3], upper[3], lengths[3], inverse_rows[3], reaches[3];
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const V n[3] = {load(transforms.linear()[0][axis]), load(transforms.linear()[1][axis]),
-                    load(transforms.linear()[2][axis])};
+    const V n[3] = {lanes.linear()[0][axis], lanes.linear()[1][axis], lanes.linear()[2][axis]};
     const V length = hn::Abs(n[0]) + hn::Abs(n[1]) + hn::Abs(n[2]);
-    const V t = load(transforms.translation()[axis]);
+    const V t = lanes.translation()[axis];
     const V room = length * growth + hn::Set(d, 0x1p-50) * (length * size + hn::Abs(t));
     const Reaches reached = reach(n, hulls);
     lower[axis] = t - (reached.backward + room);
     upper[axis] = t + (reached.forward + room);
     reaches[axis] = hn::Max(hn::Abs(lower[axis] - t), hn::Abs(upper[axis] - t));
-    inverse_rows[axis] = hn::Abs(load(transforms.inverse()[0][axis])) +
-                         hn::Abs(load(transforms.inverse()[1][axis])) +
-                         hn::Abs(load(transforms.inverse()[2][axis]));
-    translation[axis] = t;
+    const auto& inverse = lanes.inverse();
+    inverse_rows[axis] = hn::Abs(inverse[0][axis]) + hn::Abs(inverse[1][axis]) + hn::Abs(inverse[2][axis]);
     lengths[axis] = length;
   }
   const V stretch = largest_of(lengths[0], lengths[1], lengths[2]) *
                     largest_of(inverse_rows[0], inverse_rows[1], inverse_rows[2]);
-  const V exact_drift = hn::Set(d, 0x1p-40) * stretch + hn::Set(d, 4.0) * load(transforms.round_trip_error());
+  const V exact_drift = hn::Set(d, 0x1p-40) * stretch + hn::Set(d, 4.0) * lanes.round_trip_error();
   const V drift = round_to_float(exact_drift * hn::Set(d, 1.0 + 0x1p-22));
   const V outward = drift * largest_of(reaches[0], reaches[1], reaches[2]) * hn::Set(d, 1.0 + 0x1p-40);
   V magnitude = hn::Zero(d);
@@ -162,21 +177,36 @@ HWY_INLINE void boxes_of_lanes(const TransformBatch& transforms, const Hulls& hu
     magnitude = hn::Max(magnitude, hn::Max(hn::Abs(lower[axis]), hn::Abs(upper[axis])));
   const V room = outward + hn::Set(d, 0x1p-52) * (magnitude + outward);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    hn::Store(lower[axis] - room, d, boxes.lower[axis].data() + lane);
-    hn::Store(upper[axis] + room, d, boxes.upper[axis].data() + lane);
+    lower[axis] = lower[axis] - room;
+    upper[axis] = upper[axis] + room;
   }
-  hn::Store(drift, d, boxes.drift.data() + lane);
+  store_boxes(lower, upper, drift, rows);
 }
 
-void boxes_of(const TransformBatch& transforms, const HullLanes& hulls, BoxLanes& boxes) {
-  const bool one = std::all_of(hulls.begin(), hulls.end(), [&](const MeshHull* h) { return h == hulls[0]; });
-  for (std::size_t lane = 0; lane < kSize; lane += hn::Lanes(D())) {
-    if (one) {
-      boxes_of_lanes(transforms, OneHull(*hulls[0]), lane, boxes);
-    } else {
-      boxes_of_lanes(transforms, HullOfEachLane(hulls.data() + lane), lane, boxes);
+std::uint32_t place(const PlaceBatch::Lanes& batch) {
+  const bool one = std::all_of(batch.hulls.begin(), batch.hulls.end(),
+                               [&](const MeshHull* hull) { return hull == batch.hulls[0]; });
+  std::uint32_t active = 0;
+  for (std::size_t first = 0; first < kSize; first += kLanes) {
+    std::array<const double*, kLanes> from;
+    std::array<double*, kLanes> to;
+    BoxRows boxes;
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      from[k] = TransformRows::of(*batch.from[first + k]);
+      to[k] = TransformRows::of(*batch.transforms[first + k]);
+      void* const box = batch.boxes[first + k];
+      boxes[k] = static_cast<double*>(box);
     }
+    const TransformLanes lanes(from);
+    lanes.store(to);
+    if (one) {
+      write_boxes(lanes, OneHull(*batch.hulls[0]), boxes);
+    } else {
+      write_boxes(lanes, HullOfEachLane(batch.hulls.data() + first), boxes);
+    }
+    active |= lanes.active() << first;
   }
+  return active;
 }
 
 }  // namespace gridcast::scene::HWY_NAMESPACE
@@ -185,10 +215,14 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace gridcast::scene {
 
-HWY_EXPORT(boxes_of);
+HWY_EXPORT(place);
 
-void hit_boxes(const TransformBatch& transforms, const HullLanes& hulls, BoxLanes& boxes) {
-  HWY_DYNAMIC_DISPATCH(boxes_of)(transforms, hulls, boxes);
+std::uint32_t PlaceBatch::place() {
+  std::fill(hulls_.begin() + std::ptrdiff_t(count_), hulls_.end(), hulls_[0]);
+  const std::uint32_t active = HWY_DYNAMIC_DISPATCH(place)({from_, hulls_, transforms_, boxes_});
+  for (std::size_t k = 0; k < count_; ++k)
+    if (hulls_[k]->empty()) *boxes_[k] = {};
+  return active & ((1U << count_) - 1U);
 }
 
 }  // namespace gridcast::scene
