@@ -20,7 +20,7 @@ Runs these stages in order, says how long each took, and fails when any of them 
   tidy          clang-tidy on every source file (unchanged files are remembered in $build/tidy)
   layering      the arrows between folders, headers compiled alone, and the checker's own tests
   shellcheck    every shell script
-  docker        the image's file and the dependency list against the built program
+  docker        the image's file, the dependency list and SECURITY.md's versions against what is built and installed
   contract      generated requests against proto/openapi.yaml, by schemathesis; skipped where it cannot be installed
   unit          ctest: unit and property tests
   api           pytest: a real server on a free loopback port, the program, the examples of the README
