@@ -1,5 +1,6 @@
 """A server under test: the built program on a free loopback port, ended by its process id."""
 
+import functools
 import os
 import re
 import shutil
@@ -24,6 +25,30 @@ def find_binary():
     if not found:
         pytest.exit("no gridcast program: build it, or name it with GRIDCAST_BIN", returncode=1)
     return found[-1]
+
+
+@functools.cache
+def is_instrumented():
+    """Whether the program was built with a sanitizer, whose run-time part takes memory, time and files of its own."""
+    program = find_binary().read_bytes()
+    return any(word in program for word in (b"__asan_init", b"__tsan_init"))
+
+
+def needs_plain_program(reason):
+    """Skips the rest of a test, with the reason, where the program has a sanitizer in it."""
+    if is_instrumented():
+        pytest.skip(f"a build with a sanitizer: {reason}")
+
+
+def expect_memory(taken, most):
+    """The last word of a test: what `taken` says of the program's own memory."""
+    needs_plain_program(f"its shadows and what it keeps of freed blocks count among the {taken >> 20} MiB")
+    assert taken < most, f"{taken / (1 << 20):.1f} MiB, not less than {most / (1 << 20):.1f}"
+
+
+def patient(seconds):
+    """A bound of time, wider where a sanitizer makes everything slower."""
+    return 20 * seconds if is_instrumented() else seconds
 
 
 class Server:
@@ -146,6 +171,7 @@ def assets():
 @pytest.fixture(scope="session")
 def strace():
     """The tracer, when it is installed and may trace here."""
+    needs_plain_program("it reads and writes files of its own")
     tool = shutil.which("strace")
     if tool is None or subprocess.run([tool, "-o", "/dev/null", "true"], capture_output=True, check=False).returncode:
         pytest.skip("strace is not here or may not trace")

@@ -12,7 +12,7 @@ import pytest
 
 import contract
 import models
-from conftest import wait_until
+from conftest import needs_plain_program, wait_until
 from gridcast_client import Client
 
 TOKENS = {
@@ -262,6 +262,7 @@ def test_near_the_memory_budget_nothing_is_added_and_all_can_be_looked_at(start_
 
 
 def test_an_upload_that_would_not_fit_is_refused_before_it_is_read(start_server):
+    needs_plain_program("it may need more than the budget by itself")
     server = start_server("--memory-budget", str(400 << 20))
     with socket.create_connection(("127.0.0.1", server.port), timeout=10) as connection:
         connection.sendall(b"POST /v1/scenes HTTP/1.1\r\nHost: x\r\nContent-Type: model/gltf-binary\r\n"

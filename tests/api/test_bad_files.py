@@ -6,6 +6,7 @@ import time
 
 import models
 import pytest
+from conftest import expect_memory, patient
 from gridcast_client import GLB, GLTF
 
 MAX_SECONDS = 2.0
@@ -38,7 +39,7 @@ def judge(server, name, verdict, document):
         reply, seconds = upload(server, document, content_type)
     except OSError as error:
         return f"no answer: {error!r}; server alive: {server.alive()}"
-    if seconds > MAX_SECONDS:
+    if seconds > patient(MAX_SECONDS):
         return f"took {seconds:.1f} s"
     if reply.status == 201:
         return "accepted" if verdict == "reject" else None
@@ -59,7 +60,7 @@ def test_every_hostile_file_is_refused_or_safe(own_server, assets):
         if problem:
             failures[name] = problem
     assert not failures, f"{len(failures)} of {len(rows)}: {failures}"
-    assert own_server.memory_bytes("VmHWM") < MAX_BYTES
+    expect_memory(own_server.memory_bytes("VmHWM"), MAX_BYTES)
 
 
 def patched(change):
@@ -139,7 +140,7 @@ def test_a_small_file_that_asks_for_very_many_instances_is_refused_in_time(own_s
         gltf["nodes"] = [{"children": [i + 1, i + 1]} for i in range(40)] + [{"mesh": 0}]
         gltf["scenes"] = [{"nodes": [0]}]
     reply, seconds = upload(own_server, patched(bomb), GLB)
-    assert reply.status == 422 and seconds < MAX_SECONDS
+    assert reply.status == 422 and seconds < patient(MAX_SECONDS)
 
 
 def test_refused_uploads_leave_no_memory_behind(own_server):
@@ -151,7 +152,7 @@ def test_refused_uploads_leave_no_memory_behind(own_server):
     before = own_server.memory_bytes()
     for _ in range(70):
         upload(own_server, bad, GLB)
-    assert own_server.memory_bytes() < before + 64 * (1 << 20)
+    expect_memory(own_server.memory_bytes() - before, 64 << 20)
 
 
 def test_markup_and_control_characters_in_names_stay_data(own_server):

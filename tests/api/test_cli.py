@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import models
+from conftest import patient
 from gridcast_client import json_columns, read_columns
 from test_renders import exr_channels, read_png
 
@@ -249,7 +250,7 @@ def test_a_progress_bar_is_shown_on_a_terminal_alone(binary, tmp_path):
     ours, theirs = pty.openpty()
     process = subprocess.Popen([binary, *slow_model(tmp_path)], cwd=tmp_path, stdout=theirs, stderr=theirs, stdin=theirs)
     os.close(theirs)
-    shown, end = b"", time.monotonic() + 3
+    shown, end = b"", time.monotonic() + patient(3)
     os.set_blocking(ours, False)
     while time.monotonic() < end and b"%" not in shown:
         time.sleep(0.1)

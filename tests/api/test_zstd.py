@@ -9,6 +9,7 @@ import pytest
 import zstandard
 
 import models
+from conftest import expect_memory, needs_plain_program
 from gridcast_client import GLB, HITS, JSON, PNG, RAYS, VERTICES, read_columns
 
 MIB = 1 << 20
@@ -146,10 +147,11 @@ def test_a_bomb_takes_no_more_memory_than_the_limit(start_server):
         assert own.client.post("/v1/scenes", bomb, GLB, headers=ZSTD).problem()[0] == "payload_too_large"
     assert own.client.post("/v1/scenes", bomb, JSON, headers=ZSTD).problem()[0] == "payload_too_large"
     # What is decoded, the window, and the slack of an allocator that grows.
-    assert own.memory_bytes("VmHWM") - before < limit + 8 * MIB + 8 * MIB
+    expect_memory(own.memory_bytes("VmHWM") - before, limit + 8 * MIB + 8 * MIB)
 
 
 def test_the_memory_budget_counts_what_comes_out(start_server):
+    needs_plain_program("it may need more than the budget by itself")
     own = start_server("--memory-budget", str(400 * MIB))
     bomb = zeros(500 * MIB)
     reply = own.client.post("/v1/scenes", bomb, GLB, headers=ZSTD)
