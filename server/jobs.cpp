@@ -200,6 +200,7 @@ JobOutcome Jobs::run(const Queued& queued) try {
   const auto permit = gate_.enter(job.cancellation_.token());
   if (!permit) return cancelled_problem(job.cancellation_.reason());
   job.start();
+  job.cancellation_.begin();
   job.cancellation_.stop_within(std::chrono::duration<double, std::milli>(limits_.job_deadline_ms));
   return queued.work(job.cancellation_, [&job](double fraction) { job.report(fraction); });
 } catch (const std::bad_alloc&) {

@@ -209,21 +209,24 @@ std::optional<Problem> Exchange::read_body(const Route& route, HttpRequest& requ
   if (auto problem = reserve(route, wanted)) return problem;
   if (comes_in_pieces(route, request)) {
     auto error = connection_.begin_pieces(head_, max_bytes);
-    if (!error) incoming_bytes_ = head_.content_length;
-    if (error) client_gone_ = !error->problem;
-    return error ? error->problem.value_or(cancelled_problem(CancelReason::kDisconnected))
-                 : std::optional<Problem>();
+    if (error) return body_problem(std::move(*error));
+    incoming_bytes_ = head_.content_length;
+    return std::nullopt;
   }
   const Clock::time_point before = Clock::now();
   auto body = packed ? read_zstd(route, max_bytes) : connection_.read_body(head_, max_bytes);
   transfer_ = Clock::now() - before;
-  if (auto* error = std::get_if<BodyError>(&body)) {
-    client_gone_ = !error->problem;
-    return error->problem.value_or(cancelled_problem(CancelReason::kDisconnected));
-  }
+  if (auto* error = std::get_if<BodyError>(&body)) return body_problem(std::move(*error));
   request.body = std::move(std::get<std::string>(body));
   if (!packed) record_.bytes_in = request.body.size();
   return std::nullopt;
+}
+
+Problem Exchange::body_problem(BodyError error) {
+  if (error.problem) return std::move(*error.problem);
+  if (shared_.under_way.has_ended_receiving()) return cancelled_problem(CancelReason::kShutdown);
+  client_gone_ = true;
+  return cancelled_problem(CancelReason::kDisconnected);
 }
 
 std::optional<Problem> Exchange::reserve(const Route& route, std::size_t bytes) {
@@ -292,7 +295,8 @@ HttpResponse Exchange::admit_and_handle(const Route& route, HttpRequest& request
 }
 
 HttpResponse Exchange::handle(const Route& route, HttpRequest& request) {
-  cancellation_.emplace(started_ + transfer_ + shared_.options.deadline);
+  const Clock::time_point begun = started_ + transfer_;
+  cancellation_.emplace(begun + shared_.options.deadline, begun);
   guard_.emplace(shared_.watch, WatchedRequest{connection_.socket(), &*cancellation_,
                                                request.body.size() + incoming_bytes_});
   BodyOnTheWay incoming(connection_, shared_.heavy, *cancellation_, incoming_bytes_);

@@ -13,6 +13,7 @@
 #include "server/http/incoming_body.h"
 #include "server/http/request_watch.h"
 #include "server/http/router.h"
+#include "server/http/under_way.h"
 
 namespace gridcast::server {
 
@@ -22,7 +23,7 @@ struct ExchangeShared {
   const HttpServerOptions& options;
   RequestWatch& watch;
   std::atomic<std::size_t>& body_bytes_in_flight;
-  std::atomic<std::size_t>& in_flight;
+  UnderWay& under_way;
   HeavyLoad& heavy;
 };
 
@@ -33,10 +34,12 @@ class Exchange {
   /// done.
   Exchange(ExchangeShared shared, Connection& connection, const HttpHead& head,
            std::optional<HeavyLoad::Place>& place)
-      : shared_(shared), connection_(connection), head_(head), place_(place) {
-    ++shared_.in_flight;
-  }
-  ~Exchange() { --shared_.in_flight; }
+      : shared_(shared),
+        connection_(connection),
+        head_(head),
+        place_(place),
+        under_way_(shared.under_way, connection.socket()) {}
+  ~Exchange() = default;
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
 
@@ -69,6 +72,8 @@ class Exchange {
   /// Or refuses what would be too much at once.
   [[nodiscard]] HttpResponse admit_and_handle(const Route& route, HttpRequest& request);
   [[nodiscard]] HttpResponse handle(const Route& route, HttpRequest& request);
+  /// What an error of the body is for its client; notes when there is none left.
+  [[nodiscard]] proto::Problem body_problem(BodyError error);
   /// Whether the handler reads the body by itself.
   [[nodiscard]] bool comes_in_pieces(const Route& route, const HttpRequest& request) const;
 
@@ -76,6 +81,7 @@ class Exchange {
   Connection& connection_;
   const HttpHead& head_;
   std::optional<HeavyLoad::Place>& place_;
+  const UnderWay::Guard under_way_;
   const Clock::time_point started_ = connection_.waits_since();
   Clock::duration transfer_{};  ///< spent on reading the body, which has its own deadline
   RequestRecord record_;

@@ -14,13 +14,13 @@
 
 #include "server/http/accept_loop.h"
 #include "server/http/address_limit.h"
+#include "server/http/admission.h"
 #include "server/http/exchange.h"
-#include "server/http/heavy_load.h"
 #include "server/http/lobby.h"
 #include "server/http/refusals.h"
 #include "server/http/small_request.h"
+#include "server/http/under_way.h"
 #include "server/http/worker_pool.h"
-#include "server/work_gate.h"
 
 namespace gridcast::server {
 namespace {
@@ -33,8 +33,6 @@ constexpr std::size_t kMaxQueuedSmall = 64;
 // Clients that come while the accepting thread waits for a core; the system may hold it to less
 // (net.core.somaxconn). Who finds no place there tries again after a whole second.
 constexpr int kBacklog = 4096;
-
-using TakenHead = std::optional<std::variant<HttpHead, HeadError>>;
 
 /// A head for the library to read, whose answer goes nowhere.
 class HeadStream : public httplib::Stream {
@@ -90,8 +88,7 @@ class HttpServer::Edge final : public httplib::Server {
         options_(std::move(options)),
         observer_(std::move(observer)),
         watch_(options_.memory),
-        heavy_(options_.heavy_requests, options_.heavy_wait),
-        long_(options_.long_requests),
+        admission_(options_.heavy_requests, options_.heavy_wait, options_.long_requests),
         addresses_(options_.connections_per_address),
         pool_(options_.connection_threads, options_.max_queued_connections),
         reserved_(kReservedThreads, kMaxQueuedSmall),
@@ -136,6 +133,7 @@ class HttpServer::Edge final : public httplib::Server {
   /// In place of the library's own loop, which makes four system calls of an accept. Answers what has come
   /// before it returns.
   void serve() {
+    serving_ = true;
     accept_connections(svr_sock_, stopping_, [this](int socket) { return welcome(socket); });
     end_serving();
   }
@@ -146,10 +144,11 @@ class HttpServer::Edge final : public httplib::Server {
     // Closed later: the library cuts the answers under way of a server without a socket.
     if (const socket_t listening = svr_sock_; listening != INVALID_SOCKET) ::shutdown(listening, SHUT_RDWR);
     drain_ = std::thread([this] {
-      const Clock::time_point until = Clock::now() + options_.drain;
-      while (in_flight_ > 0 && Clock::now() < until)
-        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      wait_until_served(options_.drain);
       watch_.shut_down();
+      under_way_.end_receiving();
+      wait_until_served(options_.last_answers);
+      under_way_.end_sending();
     });
   }
 
@@ -161,7 +160,7 @@ class HttpServer::Edge final : public httplib::Server {
     if (drain.joinable()) drain.join();
   }
 
-  [[nodiscard]] std::size_t in_flight() const { return in_flight_; }
+  [[nodiscard]] std::size_t in_flight() const { return under_way_.count(); }
 
  private:
   /// Called by the library for a request whose head it has just read from a GuardStream.
@@ -210,6 +209,12 @@ class HttpServer::Edge final : public httplib::Server {
     lobby_.close();
     pool_.shut_down();
     reserved_.shut_down();
+    serving_ = false;
+  }
+
+  void wait_until_served(std::chrono::milliseconds at_most) const {
+    const Clock::time_point until = Clock::now() + at_most;
+    while (serving_ && Clock::now() < until) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
 
   /// Whether it was refused.
@@ -244,19 +249,12 @@ class HttpServer::Edge final : public httplib::Server {
 
   enum class Lane : std::uint8_t { kAny, kSmall };
 
-  /// A request whose head has come, and its place among the heavy ones, where it is one and has all come.
-  struct Turn {
-    TakenHead head;
-    std::optional<HeavyLoad::Place> place = std::nullopt;
-    std::optional<WorkGate::Permit> long_place = std::nullopt;  ///< likewise of those that keep a thread
-  };
-
   /// To a thread that serves `head`, or not: then false. Small requests go ahead of others where no thread is
   /// free.
   bool dispatch(const std::shared_ptr<Connection>& connection, TakenHead head) {
     const auto turn = std::make_shared<Turn>(Turn{std::move(head)});
     bool has_refused = false;
-    while (!admit(*connection, *turn)) {
+    while (!admission_.admit(*connection, *turn)) {
       const auto left = refusals_.refuse(*connection, std::get_if<HttpHead>(&*turn->head));
       has_refused = true;
       if (left == Refusals::Left::kNothing) return false;
@@ -282,7 +280,7 @@ class HttpServer::Edge final : public httplib::Server {
 
   /// Who asks for too much waits where it is, and no thread is woken.
   Lobby::Then refuse_in_lobby(Connection& connection) {
-    while (const auto* head = heavy_.is_full() ? connection.peek_head() : nullptr) {
+    while (const auto* head = admission_.heavy().is_full() ? connection.peek_head() : nullptr) {
       const auto* request = std::get_if<HttpHead>(head);
       if (request == nullptr || !is_heavy_request(*request)) break;
       const TakenHead taken = connection.take_head();
@@ -291,21 +289,6 @@ class HttpServer::Edge final : public httplib::Server {
       if (left == Refusals::Left::kDraining || !connection.has_head()) return Lobby::Then::kStays;
     }
     return Lobby::Then::kLeaves;
-  }
-
-  /// Known before a thread is woken and a body read: what a refusal costs is taken from those that are
-  /// served. A heavy request gets its place here, or many would be let in while the first of them wake. Not
-  /// so one whose body is still to come: its client could hold the place as long as it likes.
-  bool admit(const Connection& connection, Turn& turn) {
-    const auto* request = turn.head ? std::get_if<HttpHead>(&*turn.head) : nullptr;
-    if (request != nullptr && !turn.long_place && is_long_request(*request)) {
-      if (auto place = long_.try_enter()) turn.long_place.emplace(std::move(*place));
-      return turn.long_place.has_value();
-    }
-    if (turn.place || request == nullptr || !is_heavy_request(*request)) return true;
-    if (!connection.has_body(*request)) return !heavy_.is_full();
-    if (auto place = heavy_.try_take()) turn.place.emplace(std::move(*place));
-    return turn.place.has_value();
   }
 
   /// Serves `head`, and what follows it at once; then the connection waits in the lobby. Where others wait
@@ -317,7 +300,7 @@ class HttpServer::Edge final : public httplib::Server {
         refusals_.answer(*connection, *error);
         break;
       }
-      if (!admit(*connection, turn)) {
+      if (!admission_.admit(*connection, turn)) {
         dispatch(connection, std::move(head));
         return;
       }
@@ -341,7 +324,8 @@ class HttpServer::Edge final : public httplib::Server {
 
   /// False when the connection is of no more use.
   bool serve_request(Connection& connection, const HttpHead& head, std::optional<HeavyLoad::Place>& place) {
-    Exchange exchange({router_, options_, watch_, body_bytes_, in_flight_, heavy_}, connection, head, place);
+    Exchange exchange({router_, options_, watch_, body_bytes_, under_way_, admission_.heavy()}, connection,
+                      head, place);
     current_exchange = &exchange;
     must_close_after = must_close_after || head.wants_close() || stopping_;
     // Only what the library needs to answer: no Range, Expect, Accept-Encoding, Content-* or chunked coding.
@@ -360,12 +344,12 @@ class HttpServer::Edge final : public httplib::Server {
   RequestObserver observer_;
   RequestWatch watch_;
   std::atomic<std::size_t> body_bytes_{0};
-  std::atomic<std::size_t> in_flight_{0};
+  UnderWay under_way_;
   std::atomic<bool> stopping_{false};
-  std::mutex stop_mutex_;  ///< guards drain_
+  std::atomic<bool> serving_{false};  ///< until the last connection has been left
+  std::mutex stop_mutex_;             ///< guards drain_
   std::thread drain_;
-  HeavyLoad heavy_;
-  WorkGate long_;
+  Admission admission_;
   AddressLimit addresses_;
   const Refusals refusals_{observer_, stopping_};
   WorkerPool pool_, reserved_;

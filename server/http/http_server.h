@@ -36,6 +36,8 @@ struct HttpServerOptions {
   std::size_t max_body_bytes_in_flight = std::size_t(2) << 30;
   std::chrono::milliseconds deadline{30'000};  ///< of a request's work, the wait in the queue included
   std::chrono::milliseconds drain{5'000};  ///< how long stop() lets requests finish before cancelling them
+  /// And then lets clients read their answers, whose connections are cut after it.
+  std::chrono::milliseconds last_answers{10'000};
   ConnectionLimits connection;
   const access::AccessControl* access = nullptr;  ///< null: whoever reaches the port may do everything
   const MemoryBudget* memory = nullptr;           ///< null: none
@@ -70,7 +72,8 @@ class HttpServer {
   [[nodiscard]] Result<int> bind();
   /// Serves until stop(); then returns when every request has been answered or cancelled.
   void serve();
-  /// From any thread: no new connections; requests at work get options.drain to finish.
+  /// From any thread: no new connections; requests at work get options.drain to finish,
+  /// their answers options.last_answers to be read.
   void stop();
 
   [[nodiscard]] std::size_t requests_in_flight() const;

@@ -114,8 +114,10 @@ enum class CancelReason : std::uint8_t { kNone, kDeadline, kDisconnected, kShutd
 /// The stop signal of one request and its deadline. Stops at most once; any thread may ask.
 class Cancellation {
  public:
-  explicit Cancellation(Clock::time_point deadline = Clock::time_point::max())
-      : deadline_(deadline.time_since_epoch().count()) {}
+  /// `begun`: what a client's deadline counts from.
+  explicit Cancellation(Clock::time_point deadline = Clock::time_point::max(),
+                        Clock::time_point begun = Clock::now())
+      : begun_(begun), deadline_(deadline.time_since_epoch().count()) {}
 
   [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
   [[nodiscard]] CancelReason reason() const { return reason_.load(); }
@@ -127,17 +129,21 @@ class Cancellation {
   [[nodiscard]] Clock::time_point deadline() const {
     return Clock::time_point(Clock::duration(deadline_.load()));
   }
-  /// A client may ask for a sooner deadline than the server's, never for a later one.
+  /// A client may ask for a sooner deadline than the server's, never for a later one. What it has waited and
+  /// what was read of it until now counts.
   void stop_within(std::chrono::duration<double, std::milli> time) {
-    const auto sooner = Clock::now() + std::chrono::duration_cast<Clock::duration>(time);
+    const auto sooner = begun_ + std::chrono::duration_cast<Clock::duration>(time);
     if (sooner < deadline()) deadline_ = sooner.time_since_epoch().count();
   }
+  /// Deadlines count from now on: of work that waited without one. By the thread that asks for deadlines.
+  void begin() { begun_ = Clock::now(); }
   void lift_deadline() { deadline_ = Clock::time_point::max().time_since_epoch().count(); }
   /// After it was lifted for a while.
   void set_deadline(Clock::time_point deadline) { deadline_ = deadline.time_since_epoch().count(); }
 
  private:
   std::stop_source source_;
+  Clock::time_point begun_;
   std::atomic<CancelReason> reason_{CancelReason::kNone};
   std::atomic<Clock::rep> deadline_;
 };

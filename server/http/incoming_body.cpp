@@ -41,8 +41,10 @@ std::optional<proto::Problem> BodyOnTheWay::read(std::span<char> to,
     bytes_left_ -= to.size();
     return std::nullopt;
   }
-  client_gone_ = !error->problem;
-  return error->problem.value_or(cancelled_problem(CancelReason::kDisconnected));
+  if (error->problem) return error->problem;
+  if (cancellation_.reason() == CancelReason::kShutdown) return cancelled_problem(CancelReason::kShutdown);
+  client_gone_ = true;
+  return cancelled_problem(CancelReason::kDisconnected);
 }
 
 }  // namespace gridcast::server

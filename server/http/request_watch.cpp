@@ -1,5 +1,7 @@
 #include "server/http/request_watch.h"
 
+#include <algorithm>
+
 #include <poll.h>
 
 namespace gridcast::server {
@@ -46,24 +48,31 @@ void RequestWatch::shut_down() {
 
 void RequestWatch::run() {
   std::unique_lock lock(mutex_);
+  Clock::time_point next = Clock::now();
   while (!ending_) {
     asleep_ = requests_.empty();
-    if (asleep_)
+    if (asleep_) {
       changed_.wait(lock, [this] { return ending_ || !requests_.empty(); });
-    else if (!changed_.wait_for(lock, kPeriod, [this] { return ending_; }))
-      look();
+      next = Clock::now() + kPeriod;
+    } else if (!changed_.wait_until(lock, next, [this] { return ending_; })) {
+      next = look();
+    }
   }
 }
 
-void RequestWatch::look() {
+Clock::time_point RequestWatch::look() {
   const Clock::time_point now = Clock::now();
+  Clock::time_point next = now + kPeriod;
   for (WatchedRequest& request : requests_) {
     if (now >= request.target->deadline())
       request.target->cancel(CancelReason::kDeadline);
     else if (request.target->reason() == CancelReason::kNone && hung_up(request.socket))
       request.target->cancel(CancelReason::kDisconnected);
+    else
+      next = std::min(next, request.target->deadline());
   }
   if (budget_ != nullptr && budget_->level() == MemoryBudget::Level::kFull) relieve_memory();
+  return next;
 }
 
 void RequestWatch::relieve_memory() {

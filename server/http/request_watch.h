@@ -48,7 +48,8 @@ class RequestWatch {
 
  private:
   void run();
-  void look();
+  /// When to look again: at the next deadline, or after a period.
+  [[nodiscard]] Clock::time_point look();
   void relieve_memory();
 
   const MemoryBudget* const budget_;

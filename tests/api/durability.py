@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Kill cycles: a server with a data folder is killed while it works, and started again on what is left.
 
 Every step of a fixed play of uploads, updates, forks and deletions has a known state (versions, and the answers of

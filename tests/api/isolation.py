@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 """Readers that check every answer against its version while updates of every kind arrive at a steady rate.
 
 One writer takes a scene from version to version: bulk moves, vertices (refits), poses with morph weights, and

@@ -68,6 +68,17 @@ TEST(Cancellation, a_client_can_only_bring_its_deadline_forward) {
   EXPECT_LT(cancellation.deadline(), before);
 }
 
+TEST(Cancellation, what_a_request_has_waited_counts_and_what_a_job_has_waited_does_not) {
+  const auto now = Clock::now();
+  Cancellation cancellation(now + std::chrono::seconds(10), now - std::chrono::seconds(2));
+  cancellation.stop_within(std::chrono::seconds(5));
+  EXPECT_EQ(cancellation.deadline(), now + std::chrono::seconds(3));
+  Cancellation job(Clock::time_point::max(), now - std::chrono::seconds(2));
+  job.begin();
+  job.stop_within(std::chrono::seconds(5));
+  EXPECT_GE(job.deadline(), now + std::chrono::seconds(5));
+}
+
 TEST(WorkGate, waits_for_a_place_or_for_the_stop) {
   WorkGate gate(1);
   std::stop_source stop;
