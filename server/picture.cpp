@@ -61,10 +61,11 @@ Result<render::RenderSettings> render_settings(const scene::Scene& scene,
   return settings;
 }
 
-Result<std::vector<std::byte>> encode_picture(const render::Film& film, proto::ImageFormat format) {
+Result<std::vector<std::byte>> encode_picture(const render::Film& film, proto::ImageFormat format,
+                                              const std::stop_token& stop) {
   if (film.layers.empty()) return Error{ErrorCode::kInternal, "a picture without layers", ""};
-  return format == proto::ImageFormat::kExr ? io::encode_exr(film)
-                                            : io::encode_png(film, film.layers.front());
+  return format == proto::ImageFormat::kExr ? io::encode_exr(film, stop)
+                                            : io::encode_png(film, film.layers.front(), stop);
 }
 
 }  // namespace gridcast::server

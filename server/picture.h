@@ -2,6 +2,7 @@
 // From a request for a picture to its bytes: shared by the renders route and `gridcast render`.
 
 #include <cstddef>
+#include <stop_token>
 #include <vector>
 
 #include "core/render/render.h"
@@ -17,8 +18,9 @@ namespace gridcast::server {
 [[nodiscard]] Result<render::RenderSettings> render_settings(const scene::Scene& scene,
                                                              const proto::RenderRequest& request);
 
-/// PNG of the first layer (the integrator's own), or EXR of all.
+/// PNG of the first layer (the integrator's own), or EXR of all. kCancelled when stopped on the way.
 [[nodiscard]] Result<std::vector<std::byte>> encode_picture(const render::Film& film,
-                                                            proto::ImageFormat format);
+                                                            proto::ImageFormat format,
+                                                            const std::stop_token& stop = {});
 
 }  // namespace gridcast::server

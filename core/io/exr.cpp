@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstring>
 #include <exception>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -60,7 +61,11 @@ void add_layer(const render::Film& film, const render::Layer& layer, Imf::Header
   }
 }
 
-std::vector<std::byte> write_to_memory(const render::Film& film) {
+/// Between two looks at the stop token: a few blocks of compression, some ten milliseconds.
+constexpr int kRowsAtOnce = 32;
+
+/// Nothing when stopped.
+std::optional<std::vector<std::byte>> write_to_memory(const render::Film& film, const std::stop_token& stop) {
   Imf::Header header(film.width_px, film.height_px);
   header.compression() = Imf::ZIP_COMPRESSION;
   header.insert("gridcast:exposure", Imf::FloatAttribute(film.exposure));
@@ -72,14 +77,17 @@ std::vector<std::byte> write_to_memory(const render::Film& film) {
     // No threads of its own: the caller's pool decides how many cores a request takes.
     Imf::OutputFile file(stream, header, 0);
     file.setFrameBuffer(frame);
-    file.writePixels(film.height_px);
+    for (int row = 0; row < film.height_px; row += kRowsAtOnce) {
+      if (stop.stop_requested()) return std::nullopt;
+      file.writePixels(std::min(kRowsAtOnce, film.height_px - row));
+    }
   }
   return stream.take();
 }
 
 }  // namespace
 
-Result<std::vector<std::byte>> encode_exr(const render::Film& film) {
+Result<std::vector<std::byte>> encode_exr(const render::Film& film, const std::stop_token& stop) {
   static_assert(sizeof(unsigned) == 4 && sizeof(float) == 4);
   if (film.layers.empty()) return Error{ErrorCode::kInvalidArgument, "the picture has no layer", ""};
   std::set<std::string> names;
@@ -89,7 +97,8 @@ Result<std::vector<std::byte>> encode_exr(const render::Film& film) {
     return Error{ErrorCode::kInvalidArgument, "the picture has two layers named '" + layer.name + "'", ""};
   }
   try {
-    return write_to_memory(film);
+    if (auto bytes = write_to_memory(film, stop)) return *std::move(bytes);
+    return Error{ErrorCode::kCancelled, "the picture was cancelled", ""};
   } catch (const std::exception& e) {
     return Error{ErrorCode::kInternal, std::string("OpenEXR: ") + e.what(), ""};
   }

@@ -2,9 +2,15 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
+#include <new>
+#include <span>
 #include <string>
+#include <utility>
 
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
 #include <png.h>
 
 #include "core/io/image.h"
@@ -52,7 +58,7 @@ struct DepthRange {
   float farthest = -std::numeric_limits<float>::infinity();
 };
 
-DepthRange depth_range(const std::vector<float>& values) {
+DepthRange depth_range(std::span<const float> values) {
   DepthRange range;
   for (const float z : values) {
     if (!std::isfinite(z)) continue;
@@ -84,48 +90,85 @@ Rgb id_pixel(std::uint32_t id) {
   return {level(x), level(x >> 8U), level(x >> 16U)};
 }
 
-std::vector<std::uint8_t> to_rgb8(const render::Film& film, const render::Layer& layer) {
+using Rgb8 = render::Samples<std::uint8_t>;
+
+/// Whole only where it was not stopped.
+Rgb8 to_rgb8(const render::Film& film, const render::Layer& layer, const std::stop_token& stop) {
   const std::size_t pixels = std::size_t(film.width_px) * std::size_t(film.height_px);
   const std::size_t channels = layer.channels.size();
   const DepthRange range = channels == 1 && layer.ids.empty() ? depth_range(layer.values) : DepthRange{};
-  std::vector<std::uint8_t> bytes(3 * pixels);
-  for (std::size_t i = 0; i < pixels; ++i) {
-    Rgb rgb;
-    if (!layer.ids.empty()) {
-      rgb = id_pixel(layer.ids[i]);
-    } else if (channels == 1) {
-      rgb = depth_pixel(layer.values[i], range);
-    } else if (layer.name == "normal") {
-      rgb = normal_pixel(&layer.values[i * channels]);
-    } else {
-      rgb = color_pixel(&layer.values[i * channels], film.exposure);
+  const auto pixel = [&](std::size_t i) {
+    if (!layer.ids.empty()) return id_pixel(layer.ids[i]);
+    if (channels == 1) return depth_pixel(layer.values[i], range);
+    const float* sample = &layer.values[i * channels];
+    return layer.name == "normal" ? normal_pixel(sample) : color_pixel(sample, film.exposure);
+  };
+  Rgb8 bytes;
+  bytes.resize(3 * pixels);
+  constexpr std::size_t kPixelsAtOnce = 16'384;
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, pixels, kPixelsAtOnce), [&](const auto& part) {
+    if (stop.stop_requested()) return;
+    for (std::size_t i = part.begin(); i != part.end(); ++i) {
+      const Rgb rgb = pixel(i);
+      std::copy(rgb.begin(), rgb.end(), bytes.begin() + std::ptrdiff_t(3 * i));
     }
-    std::copy(rgb.begin(), rgb.end(), bytes.begin() + std::ptrdiff_t(3 * i));
-  }
+  });
   return bytes;
 }
 
+/// What libpng writes to as a file, since its short way of writing takes memory or a file: packed bytes come
+/// some kilobytes at a time, each of which may be refused.
+class StoppableSink {
+ public:
+  explicit StoppableSink(const std::stop_token& stop)
+      : stop_(stop), file_(::fopencookie(this, "w", {nullptr, write, nullptr, nullptr})) {
+    if (file_ == nullptr) throw std::bad_alloc();
+    std::setvbuf(file_, nullptr, _IONBF, 0);
+  }
+  ~StoppableSink() { std::fclose(file_); }
+  StoppableSink(const StoppableSink&) = delete;
+  StoppableSink& operator=(const StoppableSink&) = delete;
+
+  [[nodiscard]] std::FILE* file() const { return file_; }
+  [[nodiscard]] std::vector<std::byte> take() { return std::move(bytes_); }
+
+ private:
+  /// 0 is an error to the library. Nothing is thrown through it.
+  static ssize_t write(void* cookie, const char* from, std::size_t size) noexcept try {
+    auto& self = *static_cast<StoppableSink*>(cookie);
+    if (self.stop_.stop_requested()) return 0;
+    const auto* bytes = reinterpret_cast<const std::byte*>(from);
+    self.bytes_.insert(self.bytes_.end(), bytes, bytes + size);
+    return ssize_t(size);
+  } catch (const std::bad_alloc&) {
+    return 0;
+  }
+
+  const std::stop_token& stop_;
+  std::vector<std::byte> bytes_;
+  std::FILE* file_;
+};
+
 }  // namespace
 
-Result<std::vector<std::byte>> encode_png(const render::Film& film, const render::Layer& layer) {
+Result<std::vector<std::byte>> encode_png(const render::Film& film, const render::Layer& layer,
+                                          const std::stop_token& stop) {
   if (Status status = check_layer(film, layer); !status) return status.error();
   if (layer.ids.empty() && layer.channels.size() == 2) {
     return Error{ErrorCode::kInvalidArgument, "a layer of two channels has no picture", ""};
   }
-  const std::vector<std::uint8_t> rgb = to_rgb8(film, layer);
+  const Rgb8 rgb = to_rgb8(film, layer, stop);
 
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
   image.width = png_uint_32(film.width_px);
   image.height = png_uint_32(film.height_px);
   image.format = PNG_FORMAT_RGB;
-  png_alloc_size_t size = PNG_IMAGE_PNG_SIZE_MAX(image);
-  std::vector<std::byte> bytes(size);
-  if (png_image_write_to_memory(&image, bytes.data(), &size, 0, rgb.data(), 0, nullptr) == 0) {
-    return Error{ErrorCode::kInternal, std::string("libpng: ") + image.message, ""};
-  }
-  bytes.resize(size);
-  return bytes;
+  StoppableSink sink(stop);
+  const bool is_written = png_image_write_to_stdio(&image, sink.file(), 0, rgb.data(), 0, nullptr) != 0;
+  if (stop.stop_requested()) return Error{ErrorCode::kCancelled, "the picture was cancelled", ""};
+  if (!is_written) return Error{ErrorCode::kInternal, std::string("libpng: ") + image.message, ""};
+  return sink.take();
 }
 
 }  // namespace gridcast::io

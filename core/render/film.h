@@ -4,14 +4,20 @@
 #include <string>
 #include <vector>
 
+#include "core/blas/uninitialized_allocator.h"
+
 namespace gridcast::render {
+
+/// Samples of a whole picture: hundreds of megabytes, which resize() leaves to the threads that paint them.
+template <class T>
+using Samples = std::vector<T, blas::UninitializedAllocator<T>>;
 
 /// One layer of a picture: float or integer samples, row by row from the top, `channels` interleaved.
 struct Layer {
   std::string name;                   ///< color, depth, normal, instance_id, mesh_id, primitive_id
   std::vector<std::string> channels;  ///< R G B A; Z; X Y Z; id
-  std::vector<float> values;          ///< [height, width, channels]; empty for id layers
-  std::vector<unsigned> ids;          ///< [height, width]; empty for float layers; kInvalidId = background
+  Samples<float> values;              ///< [height, width, channels]; empty for id layers
+  Samples<unsigned> ids;              ///< [height, width]; empty for float layers; kInvalidId = background
 };
 
 /// Largest side of a picture.

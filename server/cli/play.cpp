@@ -141,7 +141,7 @@ class PlayCommand final : public Command {
     if (progress) of_frame = [&](double done) { progress((double(written_) + done) / double(frames_)); };
     const auto film = render::render(*scene_, settings, stop, of_frame);
     if (!film) return film.error();
-    const auto bytes = encode_picture(*film, picture_.request().format);
+    const auto bytes = encode_picture(*film, picture_.request().format, stop);
     if (!bytes) return bytes.error();
     if (Status status = io::write_file(*frame_name(output_, written_), *bytes); !status)
       return Error{ErrorCode::kIo, status.error().message, status.error().where};

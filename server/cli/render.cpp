@@ -50,7 +50,7 @@ class RenderCommand final : public Command {
     const auto film = render::render(**scene, *settings, stop, bar.callback());
     if (!film) return report(file_.path, film.error());
     const double render_ms = ms_between(started, Clock::now());
-    const auto bytes = encode_picture(*film, picture_.request().format);
+    const auto bytes = encode_picture(*film, picture_.request().format, stop);
     if (!bytes) return report(output_, bytes.error());
     if (const Status written = io::write_file(output_, *bytes); !written)
       return report(output_, written.error());

@@ -41,7 +41,7 @@ JobOutcome draw(Api& api, const Picture& picture, const Cancellation& cancellati
   const auto film = render::render(*picture.scene, picture.settings, cancellation.token(), progress);
   if (!film) return failed(film.error());
   timing.mark("trace");
-  const auto bytes = encode_picture(*film, picture.format);
+  const auto bytes = encode_picture(*film, picture.format, cancellation.token());
   if (!bytes) return failed(bytes.error());
   timing.mark("encode");
   api.metrics.count_pixels(std::size_t(film->width_px) * std::size_t(film->height_px));

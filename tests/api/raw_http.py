@@ -39,7 +39,7 @@ class Talker:
     """One client: a connection that is kept as long as both sides like, and opened anew after that."""
 
     def __init__(self, port, timeout_s=60.0):
-        self.port, self.timeout_s, self.socket, self.buffer = port, timeout_s, None, b""
+        self.port, self.timeout_s, self.socket, self.buffer = port, timeout_s, None, bytearray()
 
     def ask(self, data, pause_s=0.0, piece=1 << 18):
         """The answer to a request, read with a pause before every `piece` bytes."""
@@ -49,7 +49,7 @@ class Talker:
             if self.socket is None:
                 self.socket = socket.create_connection(("127.0.0.1", self.port), timeout=self.timeout_s)
                 self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self.buffer = b""
+                self.buffer = bytearray()
             self.socket.sendall(data)
         except OSError:
             # Who is refused while still sending may have an answer all the same.
@@ -75,14 +75,15 @@ class Talker:
         def take(count):
             while len(self.buffer) < count:
                 more()
-            taken, self.buffer = self.buffer[:count], self.buffer[count:]
+            taken = bytes(self.buffer[:count])
+            del self.buffer[:count]
             return taken
 
         def line():
             while b"\r\n" not in self.buffer:
                 more()
-            text, _, self.buffer = self.buffer.partition(b"\r\n")
-            return text
+            text = take(self.buffer.index(b"\r\n") + 2)
+            return text[:-2]
 
         while b" " not in self.buffer[9:]:
             more()

@@ -46,7 +46,7 @@ render::Film film_of(int width_px, int height_px, render::Layer layer) {
   return film;
 }
 
-render::Layer color(std::vector<float> values) {
+render::Layer color(render::Samples<float> values) {
   return {"color", {"R", "G", "B", "A"}, std::move(values), {}};
 }
 
@@ -106,6 +106,16 @@ TEST(Png, ids_have_stable_colours_and_the_background_is_black) {
   EXPECT_NE(picture.at(0), picture.at(1));
   EXPECT_EQ(picture.at(3), (Rgb{0, 0, 0}));
   for (const int value : picture.at(0)) EXPECT_GE(value, 64);
+}
+
+TEST(Png, a_stopped_picture_is_none) {
+  const render::Film film =
+      film_of(300, 200, color(render::Samples<float>(std::size_t(4) * 300 * 200, 0.5F)));
+  std::stop_source stop;
+  EXPECT_EQ(encode_png(film, film.layers[0], stop.get_token()).value(),
+            encode_png(film, film.layers[0]).value());
+  stop.request_stop();
+  EXPECT_EQ(encode_png(film, film.layers[0], stop.get_token()).error().code, ErrorCode::kCancelled);
 }
 
 TEST(Png, layers_of_the_wrong_size_are_errors) {

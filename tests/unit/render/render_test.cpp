@@ -91,7 +91,7 @@ TEST(Render, colours_equal_those_of_pixels_shaded_one_by_one) {
     const Film film = rendered(*scene, settings);
     const Lighting lighting = light_scene(*scene, settings);
     const Whitted whitted(*scene, lighting, settings, settings.max_depth);
-    const std::vector<float>& values = film.find("color")->values;
+    const Samples<float>& values = film.find("color")->values;
     for (int y = 0; y < settings.height_px; ++y) {
       for (int x = 0; x < settings.width_px; ++x) {
         const glm::dvec2 offset = pixel_sample(std::uint32_t(x), std::uint32_t(y), 0, 1);
