@@ -30,8 +30,8 @@ class Digest {
     for (int axis = 0; axis < 3; ++axis) add(v[axis]);
   }
   /// How many there are, then each.
-  template <class T>
-  void add(const std::vector<T>& values) {
+  template <class T, class Allocator>
+  void add(const std::vector<T, Allocator>& values) {
     add(std::uint64_t(values.size()));
     for (const T& value : values) add(value);
   }

@@ -22,8 +22,8 @@ constexpr HitField kEveryField = HitField::kAll | HitField::kTError;
 /// The bits of answers.
 class Bits {
  public:
-  template <class T>
-  void add(const std::vector<T>& values) {
+  template <class T, class Allocator>
+  void add(const std::vector<T, Allocator>& values) {
     add(values.size());
     for (const T& value : values) add(value);
   }
