@@ -133,7 +133,9 @@ Result<Blas> Blas::build(std::shared_ptr<const mesh::TriangleMesh> mesh, const B
 void Blas::set_mesh(std::shared_ptr<const mesh::TriangleMesh> mesh) {
   mesh_ = std::move(mesh);
   inside_ = std::make_shared<Inside>();
-  bounds_ = mesh_->bounds();
+  // Where every box was just drawn there is no need to look at every vertex again.
+  const WideBvh* wide = wide_bvh();
+  bounds_ = wide != nullptr && wide->has_whole_triangles() ? wide->root_bounds() : mesh_->bounds();
   stats_.triangle_count = mesh_->triangle_count();
 }
 

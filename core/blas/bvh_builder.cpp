@@ -34,9 +34,13 @@ BvhNode inner_node(const Range& range, std::size_t first_child) {
   return node;
 }
 
+/// Boxes whose tree one thread builds: some tens of microseconds.
+constexpr std::size_t kTaskBoxes = 256;
+
 class Builder {
  public:
-  Builder(ReferenceArrays& arrays, const AreaScale& areas, const SpatialSplitter& splitter,
+  /// `splitter` may be null without spatial splits.
+  Builder(ReferenceArrays& arrays, const AreaScale& areas, const SpatialSplitter* splitter,
           const BvhBuildConfig& config, std::stop_token stop)
       : arrays_(arrays), areas_(areas), splitter_(splitter), config_(config), stop_(std::move(stop)) {}
 
@@ -97,6 +101,7 @@ class Builder {
       const std::optional<Division> division = divide_at_midpoint(span(range), range.bounds);
       return division ? halves(range, *division) : halve(range);
     }
+    if (range.count == 2 && !may_be_leaf) return halve(range);  // there is no other way
     const std::size_t blocks = blocks_of(range.count, config_.block);
     const double as_leaf = kTriangleCost * double(blocks);
     // One node costs more than such a leaf, wherever it is split.
@@ -112,11 +117,12 @@ class Builder {
   [[nodiscard]] std::optional<Halves> divide_in_space(const Range& range,
                                                       const std::optional<BinnedSplit>& other) const {
     const std::size_t room = range.end - range.begin;
-    if (room <= range.count || !other || !splitter_.promising(*other)) return std::nullopt;
-    const std::optional<SpatialSplit> split = splitter_.find(span(range), *other, range.bounds.boxes);
+    if (splitter_ == nullptr || room <= range.count || !other || !splitter_->promising(*other))
+      return std::nullopt;
+    const std::optional<SpatialSplit> split = splitter_->find(span(range), *other, range.bounds.boxes);
     if (!split) return std::nullopt;
     const std::optional<SpatialDivision> division =
-        splitter_.divide(span(range), *split, {arrays_[1 - range.array].get() + range.begin, room});
+        splitter_->divide(span(range), *split, {arrays_[1 - range.array].get() + range.begin, room});
     if (!division) return std::nullopt;
     return shared_out(range, division->counts, division->parts);
   }
@@ -163,7 +169,7 @@ class Builder {
 
   ReferenceArrays& arrays_;
   const AreaScale& areas_;
-  const SpatialSplitter& splitter_;
+  const SpatialSplitter* splitter_;
   const BvhBuildConfig& config_;
   std::stop_token stop_;
 };
@@ -189,10 +195,24 @@ Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& 
   const AreaScale areas(bounds.boxes.bounds());
   const SpatialSplitter splitter(mesh, areas, bounds.boxes, config.block);
   std::unique_ptr<Subtree> root =
-      Builder(arrays, areas, splitter, config, stop).build({0, room, 0, count, 0, 0, bounds});
+      Builder(arrays, areas, &splitter, config, stop).build({0, room, 0, count, 0, 0, bounds});
   if (stop.stop_requested()) return cancelled();
   for (auto& array : arrays) array.reset();
 
+  return flattened(std::move(root));
+}
+
+Result<BvhTree> build_bvh(std::span<const BuildReference> boxes, std::stop_token stop) {
+  if (boxes.empty()) return BvhTree{};
+  const SetBounds bounds = bounds_of(boxes);
+  ReferenceArrays arrays;
+  for (auto& array : arrays) array = std::make_unique_for_overwrite<BuildReference[]>(boxes.size());
+  std::copy(boxes.begin(), boxes.end(), arrays[0].get());
+  const AreaScale areas(bounds.boxes.bounds());
+  const BvhBuildConfig config{.max_leaf_size = 1, .task_size = kTaskBoxes};
+  std::unique_ptr<Subtree> root =
+      Builder(arrays, areas, nullptr, config, stop).build({0, boxes.size(), 0, boxes.size(), 0, 0, bounds});
+  if (stop.stop_requested()) return cancelled();
   return flattened(std::move(root));
 }
 

@@ -27,4 +27,7 @@ inline constexpr double kMaxReferenceGrowth = 1.5;
 [[nodiscard]] Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& config,
                                         std::stop_token stop);
 
+/// The same over boxes alone, by binned surface-area cost: a leaf for each, which holds its place in `boxes`.
+[[nodiscard]] Result<BvhTree> build_bvh(std::span<const BuildReference> boxes, std::stop_token stop);
+
 }  // namespace gridcast::blas

@@ -1,7 +1,6 @@
 #include "core/blas/morton_builder.h"
 
 #include <algorithm>
-#include <bit>
 #include <memory>
 #include <utility>
 
@@ -9,7 +8,7 @@
 #include <oneapi/tbb/parallel_invoke.h>
 
 #include "core/blas/bvh_subtree.h"
-#include "core/blas/morton_order.h"
+#include "core/blas/morton_ranges.h"
 
 namespace gridcast::blas {
 namespace {
@@ -17,19 +16,13 @@ namespace {
 /// One block of the wide tree.
 constexpr std::size_t kLeafTriangles = 4;
 /// Subtrees up to here follow the codes, what is above follows the cost.
-constexpr std::size_t kClusterTriangles = 64;
-/// Codes are cut into pieces of at most this many, whose clusters are found in parallel.
+constexpr std::uint32_t kClusterTriangles = 64;
+/// Triangles that one task reads.
 constexpr std::size_t kPieceTriangles = 4096;
 /// Over this many clusters one thread builds: some tens of microseconds.
 constexpr std::size_t kTaskClusters = 256;
 /// Divisions by cost above the clusters; then halves, so that clusters begin above kMaxFreeDepth.
 constexpr std::size_t kMaxClusterFreeDepth = kMaxFreeDepth - 32;
-
-/// Of the sorted triangles.
-struct KeyRange {
-  std::uint32_t begin, end;
-  [[nodiscard]] std::size_t size() const { return end - begin; }
-};
 
 /// Clusters to become a node: [begin, end) of one of two arrays.
 struct ClusterRange {
@@ -40,6 +33,17 @@ struct ClusterRange {
   [[nodiscard]] std::size_t size() const { return end - begin; }
 };
 
+MortonKeys order_of(std::span<const BuildReference> references, const Box4& bounds) {
+  Centers centers(references.size());
+  oneapi::tbb::parallel_for(std::size_t(0), (centers.size() + kPieceTriangles - 1) / kPieceTriangles,
+                            [&](std::size_t piece) {
+                              const std::size_t end = std::min(centers.size(), (piece + 1) * kPieceTriangles);
+                              for (std::size_t i = piece * kPieceTriangles; i < end; ++i)
+                                centers[i] = doubled_center(references[i].box());
+                            });
+  return morton_order(centers, bounds);
+}
+
 class MortonBuilder {
  public:
   MortonBuilder(const mesh::TriangleMesh& mesh, std::stop_token stop) : stop_(std::move(stop)) {
@@ -47,13 +51,13 @@ class MortonBuilder {
     auto references = std::make_unique_for_overwrite<BuildReference[]>(count);
     bounds_ = make_references(mesh, references.get());
     areas_ = AreaScale(bounds_.boxes.bounds());
-    keys_ = morton_order({references.get(), count}, bounds_.centers);
+    keys_ = order_of({references.get(), count}, bounds_.centers);
     sorted_ = std::make_unique_for_overwrite<BuildReference[]>(count);
     oneapi::tbb::parallel_for(std::size_t(0), (count + kPieceTriangles - 1) / kPieceTriangles,
                               [&](std::size_t piece) {
                                 const std::size_t end = std::min(count, (piece + 1) * kPieceTriangles);
                                 for (std::size_t i = piece * kPieceTriangles; i < end; ++i)
-                                  sorted_[i] = references[keys_[i].reference];
+                                  sorted_[i] = references[morton_number(keys_[i])];
                               });
   }
 
@@ -146,31 +150,12 @@ class MortonBuilder {
   }
 
   static std::uint32_t half(const KeyRange& keys) { return keys.begin + std::uint32_t(keys.size() / 2); }
-  /// Where the highest differing bit turns to one; halves where no bit differs.
   [[nodiscard]] std::uint32_t split(const KeyRange& keys) const {
-    const std::uint64_t differing = keys_[keys.begin].code ^ keys_[keys.end - 1].code;
-    if (differing == 0) return half(keys);
-    const std::uint64_t bit = std::bit_floor(differing);
-    const auto place = std::partition_point(keys_.begin() + keys.begin, keys_.begin() + keys.end,
-                                            [bit](const MortonKey& key) { return (key.code & bit) == 0; });
-    return std::uint32_t(place - keys_.begin());
-  }
-
-  void cut(const KeyRange& keys, std::size_t largest, std::vector<KeyRange>& out) const {
-    if (keys.size() <= largest) return out.push_back(keys);
-    const std::uint32_t middle = split(keys);
-    cut({keys.begin, middle}, largest, out);
-    cut({middle, keys.end}, largest, out);
+    return keys.begin + std::uint32_t(morton_split({keys_.data() + keys.begin, keys.size()}));
   }
 
   void make_clusters() {
-    std::vector<KeyRange> pieces;
-    cut({0, std::uint32_t(keys_.size())}, kPieceTriangles, pieces);
-    std::vector<std::vector<KeyRange>> clusters_of(pieces.size());
-    oneapi::tbb::parallel_for(std::size_t(0), pieces.size(),
-                              [&](std::size_t i) { cut(pieces[i], kClusterTriangles, clusters_of[i]); });
-    for (const auto& clusters : clusters_of)
-      clusters_.insert(clusters_.end(), clusters.begin(), clusters.end());
+    clusters_ = morton_ranges(keys_, kClusterTriangles);
     for (auto& array : arrays_) array = std::make_unique_for_overwrite<BuildReference[]>(clusters_.size());
     oneapi::tbb::parallel_for(
         std::size_t(0), (clusters_.size() + kTaskClusters - 1) / kTaskClusters, [&](std::size_t task) {

@@ -9,18 +9,28 @@
 
 namespace gridcast::blas {
 
-/// Where a reference lies along a Morton curve.
-struct MortonKey {
-  std::uint64_t code;       ///< 21 bits an axis, the highest bits first: x y z x y z ...
-  std::uint32_t reference;  ///< its place among the references given
-};
-inline constexpr int kMortonBits = 63;
+/// Where a primitive lies along a Morton curve, and which it is: the code of its cell above its number, so
+/// that keys compare as numbers. 11 bits an axis, the highest first: x y z x y z ...
+using MortonKey = std::uint64_t;
+inline constexpr int kMortonAxisBits = 11;
+inline constexpr int kMortonNumberBits = 31;
+inline std::uint64_t morton_code(MortonKey key) {
+  return key >> kMortonNumberBits;
+}
+inline std::uint32_t morton_number(MortonKey key) {
+  return std::uint32_t(key) & ((1U << kMortonNumberBits) - 1);
+}
 
 using MortonKeys = std::vector<MortonKey, UninitializedAllocator<MortonKey>>;
+/// Doubled centers; the fourth lanes are anything.
+using Centers = std::vector<Float4, UninitializedAllocator<Float4>>;
 
-/// The references in ascending order of (code of the center, place), in parallel. `centers` are the bounds of
-/// their doubled centers. Cells are cubes: the longest side of `centers` has 2^21. The result does not depend
-/// on the number of threads.
-[[nodiscard]] MortonKeys morton_order(std::span<const BuildReference> references, const Box4& centers);
+/// Cells that hold more than this many are put in order inside; the others stay in the order of the numbers.
+inline constexpr std::size_t kMaxUnorderedCell = 4;
+
+/// Primitives in ascending order of their cells, in parallel: cubes, 2^11 along the longest side of `bounds`,
+/// the bounds of the centers. Within a crowded cell they follow the same curve of 2^21 cubes, where it passes
+/// them; all else is in the order of the numbers. The result does not depend on the number of threads.
+[[nodiscard]] MortonKeys morton_order(std::span<const Float4> centers, const Box4& bounds);
 
 }  // namespace gridcast::blas

@@ -117,6 +117,7 @@ class TreeCodec {
     if (Status status = read(StructureKind(head.kind), *mesh, in, blas); !status) return status.error();
     if (!in.ended()) return invalid("it does not end with its tree");
     blas.set_mesh(std::move(mesh));
+    blas.bounds_ = blas.mesh_->bounds();  // whatever the tree's boxes say
     blas.options_ = {StructureKind(head.asked_kind), BvhSplit(head.split), SpatialSplits(head.spatial),
                      MeshMotion(head.motion), BuildQuality(head.quality)};
     blas.stats_.kind = StructureKind(head.kind);

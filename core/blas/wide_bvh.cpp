@@ -4,10 +4,10 @@
 #include <utility>
 
 #include "core/blas/bvh_builder.h"
-#include "core/blas/morton_builder.h"
 #include "core/blas/refit_memory.h"
 #include "core/blas/wide_cost.h"
 #include "core/blas/wide_layout.h"
+#include "core/blas/wide_morton_builder.h"
 
 namespace gridcast::blas {
 
@@ -18,15 +18,19 @@ Result<std::shared_ptr<const WideBvh>> WideBvh::build(const mesh::TriangleMesh& 
   auto wide = std::make_shared<WideBvh>();
   wide->memory_ = std::make_shared<RefitMemory>();
   if (mesh.triangles.empty()) return std::shared_ptr<const WideBvh>(wide);
-  BvhBuildConfig config;
-  config.block = LeafBlock::kFour;
   const bool fast = options.quality == BuildQuality::kFast;
-  config.spatial = wide->shape_.spatial = fast ? SpatialSplits::kNever : options.spatial;
-  Result<BvhTree> tree =
-      fast ? build_morton_bvh(mesh, std::move(stop)) : build_bvh(mesh, config, std::move(stop));
-  if (!tree) return tree.error();
-  wide->shape_.reference_count = tree->primitive_ids.size();
-  lay_out(*tree, mesh, wide->storage_.nodes, wide->storage_.blocks);
+  wide->shape_.spatial = fast ? SpatialSplits::kNever : options.spatial;
+  wide->shape_.reference_count = mesh.triangle_count();
+  if (fast) {
+    Status status = build_wide_in_morton_order(mesh, stop, wide->storage_.nodes, wide->storage_.blocks);
+    if (!status) return status.error();
+  } else {
+    const BvhBuildConfig config{.block = LeafBlock::kFour, .spatial = options.spatial};
+    const Result<BvhTree> tree = build_bvh(mesh, config, std::move(stop));
+    if (!tree) return tree.error();
+    wide->shape_.reference_count = tree->primitive_ids.size();
+    lay_out(*tree, mesh, wide->storage_.nodes, wide->storage_.blocks);
+  }
   wide->measure_shape();
   wide->storage_.part_costs = gridcast::blas::part_costs(wide->nodes(), WideParts(wide->nodes()));
   return std::shared_ptr<const WideBvh>(wide);

@@ -92,8 +92,8 @@ class WideBvh {
   WideBvh& operator=(const WideBvh&) = delete;
   ~WideBvh();
 
-  /// Built from the binned-SAH binary tree, or that in Morton order, and collapsed at the least surface-area
-  /// cost. kCancelled on `stop`, kLimitExceeded for 2^30 - 1 triangles or more.
+  /// Built from the binned-SAH binary tree and collapsed at the least surface-area cost, or in Morton order
+  /// (wide_morton_builder.h). kCancelled on `stop`, kLimitExceeded for 2^30 - 1 triangles or more.
   [[nodiscard]] static Result<std::shared_ptr<const WideBvh>> build(const mesh::TriangleMesh& mesh,
                                                                     const BuildOptions& options,
                                                                     std::stop_token stop);
@@ -130,6 +130,8 @@ class WideBvh {
   [[nodiscard]] Status validate(const mesh::TriangleMesh& mesh) const;
   void add_stats(StructureStats& stats) const;
 
+  /// Whether leaves contain their triangles whole, so that root_bounds() is the box of the mesh.
+  [[nodiscard]] bool has_whole_triangles() const { return shape_.spatial == SpatialSplits::kNever; }
   /// What the root's boxes contain; after a refit the box of the mesh.
   [[nodiscard]] Bounds3f root_bounds() const {
     Bounds3f box;

@@ -16,8 +16,9 @@ constexpr std::size_t kTaskNodes = 4096;
 
 }  // namespace
 
-WideCollapse::WideCollapse(const BvhTree& tree)
+WideCollapse::WideCollapse(const BvhTree& tree, std::uint32_t max_leaf)
     : tree_(tree),
+      max_leaf_(max_leaf),
       cost_(tree.nodes.size()),
       count_(tree.nodes.size()),
       first_(tree.nodes.size()),
@@ -46,8 +47,8 @@ void WideCollapse::solve(std::uint32_t node) {
   count_[node] = n.leaf() ? n.count : count_[n.first] + count_[n.first + 1];
   first_[node] = n.leaf() ? n.first : std::min(first_[n.first], first_[n.first + 1]);
   const std::uint32_t blocks = (count_[node] + 3) / 4;
-  const double as_leaf = count_[node] <= kMaxWideLeaf ? area * (kBlockCost / kWideNodeCost) * blocks
-                                                      : std::numeric_limits<double>::infinity();
+  const double as_leaf = count_[node] <= max_leaf_ ? area * (kBlockCost / kWideNodeCost) * blocks
+                                                   : std::numeric_limits<double>::infinity();
   Costs& cost = cost_[node];
   if (n.leaf()) {
     leaf_[node] = 1;
@@ -96,12 +97,12 @@ void WideCollapse::gather(std::uint32_t node, int slots, WideSlots& out) const {
   gather(n.first + 1, slots - left, out);
 }
 
-void WideCollapse::put_largest_leaf_first(WideSlots& slots) const {
+void put_largest_leaf_first(const BvhTree& tree, WideSlots& slots) {
   std::uint32_t largest = 0;
   double area = -1.0;
   for (std::uint32_t i = 0; i < slots.size; ++i) {
     if (!slots.at[i].leaf) continue;
-    const double own = to_double(tree_.nodes[slots.at[i].binary_node].bounds()).half_area();
+    const double own = to_double(tree.nodes[slots.at[i].binary_node].bounds()).half_area();
     if (!(own > area)) continue;
     area = own;
     largest = i;
@@ -115,7 +116,7 @@ WideSlots WideCollapse::slots(std::uint32_t node) const {
   const int left = best_left(node, kSlots);
   gather(n.first, left, out);
   gather(n.first + 1, kSlots - left, out);
-  put_largest_leaf_first(out);
+  put_largest_leaf_first(tree_, out);
   return out;
 }
 

@@ -21,14 +21,18 @@ struct WideSlots {
   void add(const WideSlot& slot) { at[size++] = slot; }
 };
 
+/// An any-hit ray looks into the first slot before the others, and a leaf costs least to look into and ends
+/// the walk: a triangle that covers the mesh is then found at once.
+void put_largest_leaf_first(const BvhTree& tree, WideSlots& slots);
+
 /// How to turn a binary tree into one of eight children at the least surface-area cost.
 /// "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs", H. Ylitie, 2017: cost(n, k) is
 /// the least cost of covering the subtree of n with at most k slots. Unlike the paper leaves cost by blocks
 /// of four.
 class WideCollapse {
  public:
-  /// In parallel.
-  explicit WideCollapse(const BvhTree& tree);
+  /// In parallel. Subtrees of at most `max_leaf` primitives may become leaves, and leaves of the tree do.
+  WideCollapse(const BvhTree& tree, std::uint32_t max_leaf);
 
   /// The slots of the wide node that stands for the binary inner node `node`.
   [[nodiscard]] WideSlots slots(std::uint32_t node) const;
@@ -47,11 +51,9 @@ class WideCollapse {
   void solve_subtree(std::size_t self, std::size_t begin, std::size_t end);
   [[nodiscard]] int best_left(std::uint32_t node, int slots) const;
   void gather(std::uint32_t node, int slots, WideSlots& out) const;
-  /// An any-hit ray looks into the first slot before the others, and a leaf costs least to look into and ends
-  /// the walk: a triangle that covers the mesh is then found at once.
-  void put_largest_leaf_first(WideSlots& slots) const;
 
   const BvhTree& tree_;
+  std::uint32_t max_leaf_;
   std::vector<Costs> cost_;
   std::vector<std::uint32_t> count_;
   std::vector<std::uint32_t> first_;

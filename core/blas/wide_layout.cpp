@@ -2,10 +2,11 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include <oneapi/tbb/parallel_for.h>
 
-#include "core/blas/block_bounds.h"
+#include "core/blas/vertex_rows.h"
 #include "core/blas/wide_collapse.h"
 
 namespace gridcast::blas {
@@ -13,13 +14,6 @@ namespace {
 
 /// Subtrees of at most this many triangles are laid out as one task.
 constexpr std::uint32_t kTaskTriangles = 4096;
-
-WideNode empty_node() {
-  constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  WideNode node{};
-  for (std::uint32_t slot = 0; slot < 8; ++slot) node.set_box(slot, {Vec3f(kInfinity), Vec3f(-kInfinity)});
-  return node;
-}
 
 using BlockIds = std::array<std::uint32_t, 4>;
 
@@ -119,16 +113,30 @@ Plan make_plan(const BvhTree& tree, const WideCollapse& collapse) {
 
 /// Copies a fragment's blocks to their place, with the corners of their triangles.
 void place_blocks(const std::vector<BlockIds>& ids, const mesh::TriangleMesh& mesh, TriangleBlock* to) {
+  const VertexRows vertices(mesh);
   for (const BlockIds& block : ids) {
     std::copy(block.begin(), block.end(), to->ids);
-    load_corners(mesh, *to++);
+    (void)load_rows(vertices, mesh.triangles.data(), *to++);
   }
 }
 
 }  // namespace
 
+WideNode empty_node() {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  WideNode node{};
+  for (std::uint32_t slot = 0; slot < 8; ++slot) node.set_box(slot, {Vec3f(kInfinity), Vec3f(-kInfinity)});
+  return node;
+}
+
+void swap_slots(WideNode& node, std::uint32_t a, std::uint32_t b) {
+  for (auto& side : node.planes)
+    for (auto& axis : side) std::swap(axis[a], axis[b]);
+  std::swap(node.child[a], node.child[b]);
+}
+
 void lay_out(const BvhTree& tree, const mesh::TriangleMesh& mesh, WideNodes& nodes, TriangleBlocks& blocks) {
-  const WideCollapse collapse(tree);
+  const WideCollapse collapse(tree, kMaxWideLeaf);
   Plan plan = make_plan(tree, collapse);
 
   std::vector<std::uint32_t> item_begins, task_begins(plan.tasks.size()), block_begins;

@@ -9,7 +9,7 @@
 #include <immintrin.h>
 #endif
 
-#include "core/blas/float4.h"
+#include "core/blas/vertex_rows.h"
 #include "core/blas/wide_cost.h"
 
 namespace gridcast::blas {
@@ -34,21 +34,6 @@ void finish_streaming() {
 #if defined(__SSE__)
   _mm_sfence();
 #endif
-}
-
-struct Columns {
-  Float4 x, y, z;
-};
-
-/// Four rows of x, y, z and anything as columns.
-Columns transposed(Float4 a, Float4 b, Float4 c, Float4 d) {
-  const Float4 low_ab = __builtin_shufflevector(a, b, 0, 4, 1, 5);
-  const Float4 low_cd = __builtin_shufflevector(c, d, 0, 4, 1, 5);
-  const Float4 high_ab = __builtin_shufflevector(a, b, 2, 6, 3, 7);
-  const Float4 high_cd = __builtin_shufflevector(c, d, 2, 6, 3, 7);
-  return {__builtin_shufflevector(low_ab, low_cd, 0, 1, 4, 5),
-          __builtin_shufflevector(low_ab, low_cd, 2, 3, 6, 7),
-          __builtin_shufflevector(high_ab, high_cd, 0, 1, 4, 5)};
 }
 
 /// The least or largest of the lanes of each column, as a row.
