@@ -122,6 +122,18 @@ TEST(MoveInstances, moves_that_hardly_are_out_of_order_are_found_so_wherever_the
   }
 }
 
+// These once ran over what a chunk has room for.
+TEST(MoveInstances, a_thousand_moves_of_one_instance_are_refused_by_the_second) {
+  test::Random random(test::seed_or(85));
+  const auto scene = start_scene(random, 100);
+  for (const std::uint32_t id : {0U, 40U, 99U}) {
+    std::vector<MoveInstance> moves(1000, {id, {}});
+    const auto result = apply_update(*scene, {MoveInstances{moves}});
+    ASSERT_FALSE(result.ok());
+    EXPECT_EQ(result.error().where, "/edits/0/moves/1/instance_id");
+  }
+}
+
 TEST(MoveInstances, the_first_move_that_is_wrong_is_named_and_nothing_changes) {
   test::Random random(test::seed_or(83));
   const auto scene = updated(*start_scene(random, 400), {RemoveInstance{9}});
