@@ -74,7 +74,7 @@ build_tbb() {
     ln -sfn "$(dirname "$(find "$dir/build" -name libtbb.so.12 | head -n 1)")" "$dir/lib"
 }
 
-run_unit() { ctest --test-dir $build --parallel "$jobs" --timeout 1500 -LE stability --output-on-failure --no-tests=error; }
+run_unit() { ctest --test-dir $build --parallel "$jobs" -LE stability --output-on-failure --no-tests=error; }
 run_stability() { $build/bin/stability --rays "$rays"; }
 run_api() {
   GRIDCAST_BIN=$PWD/$build/bin/gridcast GRIDCAST_BUILD=$PWD/$build PYTHONDONTWRITEBYTECODE=1 \
