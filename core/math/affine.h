@@ -52,8 +52,9 @@ class InstanceTransform {
   }
   /// Not renormalised, so t stays comparable between instances.
   [[nodiscard]] Vec3d vector_to_object(const Vec3d& v) const { return object_from_world_linear_ * v; }
-  /// Unit world normal of an object-space normal (any length): inverse transpose, normalised. Mirroring keeps
-  /// the side: the normal follows the surface's winding in object space.
+  /// Unit world normal of an object-space normal, whose largest component is between 2^-300 and 2^300 (cross
+  /// products of edges of floats are): inverse transpose, normalised. Mirroring keeps the side: the normal
+  /// follows the surface's winding in object space.
   [[nodiscard]] Vec3d normal_to_world(const Vec3d& n) const;
 
   /// Largest row sum of |A||B|, B the stored inverse of A: how much rounding errors grow on a round trip

@@ -23,10 +23,6 @@ using Lanes = NormalBatch::Lanes;
 using D = hn::CappedTag<double, NormalBatch::kSize>;
 using V = hn::Vec<D>;
 
-HWY_INLINE V largest_of(V x, V y, V z) {
-  return hn::Max(hn::Max(hn::Abs(x), hn::Abs(y)), hn::Abs(z));
-}
-
 /// InstanceTransform::normal_to_world of the cross products of the edges. NaN where the product is 0.
 void make_normals(const std::array<Lanes, 6>& edges, const std::array<Lanes, 9>& object_from_world,
                   std::array<Lanes, 3>& normals) {
@@ -34,23 +30,15 @@ void make_normals(const std::array<Lanes, 6>& edges, const std::array<Lanes, 9>&
   for (std::size_t i = 0; i < NormalBatch::kSize; i += hn::Lanes(d)) {
     const auto edge = [&](std::size_t k) HWY_ATTR { return hn::Load(d, edges[k].data() + i); };
     const V ax = edge(0), ay = edge(1), az = edge(2), bx = edge(3), by = edge(4), bz = edge(5);
-    V x = gridcast::HWY_NAMESPACE::difference_of_products(d, ay, bz, az, by);
-    V y = gridcast::HWY_NAMESPACE::difference_of_products(d, az, bx, ax, bz);
-    V z = gridcast::HWY_NAMESPACE::difference_of_products(d, ax, by, ay, bx);
-    const V size = largest_of(x, y, z);
-    x = hn::Div(x, size);
-    y = hn::Div(y, size);
-    z = hn::Div(z, size);
+    const V x = gridcast::HWY_NAMESPACE::difference_of_products(d, ay, bz, az, by);
+    const V y = gridcast::HWY_NAMESPACE::difference_of_products(d, az, bx, ax, bz);
+    const V z = gridcast::HWY_NAMESPACE::difference_of_products(d, ax, by, ay, bx);
     const auto along = [&](std::size_t axis) HWY_ATTR {
       const auto entry = [&](std::size_t row)
                              HWY_ATTR { return hn::Load(d, object_from_world[3 * axis + row].data() + i); };
       return hn::Add(hn::Add(hn::Mul(entry(0), x), hn::Mul(entry(1), y)), hn::Mul(entry(2), z));
     };
-    V wx = along(0), wy = along(1), wz = along(2);
-    const V world_size = largest_of(wx, wy, wz);
-    wx = hn::Div(wx, world_size);
-    wy = hn::Div(wy, world_size);
-    wz = hn::Div(wz, world_size);
+    const V wx = along(0), wy = along(1), wz = along(2);
     const V square = hn::Add(hn::Add(hn::Mul(wx, wx), hn::Mul(wy, wy)), hn::Mul(wz, wz));
     const V inverse_length = hn::Div(hn::Set(d, 1.0), hn::Sqrt(square));
     hn::Store(hn::Mul(wx, inverse_length), d, normals[0].data() + i);

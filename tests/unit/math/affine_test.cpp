@@ -118,8 +118,15 @@ TEST(AffineNormal, a_mirror_keeps_the_side_of_the_winding_and_sizes_do_not_matte
   const InstanceTransform mirror(Affine{Mat3d(-1, 0, 0, 0, 1, 0, 0, 0, 1), Vec3d(0.0)});
   EXPECT_EQ(mirror.normal_to_world(Vec3d(0, 0, 2)), Vec3d(0, 0, 1));
   EXPECT_EQ(mirror.normal_to_world(Vec3d(1, 0, 0)), Vec3d(-1, 0, 0));
-  const InstanceTransform tiny(Affine{Mat3d(0x1p-100), Vec3d(0.0)});
-  EXPECT_EQ(tiny.normal_to_world(Vec3d(0, 1e-300, 0)), Vec3d(0, 1, 0));
+  for (const double scale : {kMinScale, 1.0, kMaxScale}) {
+    const InstanceTransform scaled(Affine{Mat3d(scale), Vec3d(0.0)});
+    const InstanceTransform flat(Affine{Mat3d(scale, 0, 0, 0, scale, 0, 0, 0, 0x1p-42 * scale), Vec3d(0.0)});
+    for (const double size : {0x1p-300, 1.0, 0x1p300}) {
+      EXPECT_EQ(scaled.normal_to_world(Vec3d(0, size, 0)), Vec3d(0, 1, 0));
+      EXPECT_EQ(flat.normal_to_world(Vec3d(0, 0, -size)), Vec3d(0, 0, -1));
+      EXPECT_NEAR(flat.normal_to_world(Vec3d(size, size, 0)).x, std::sqrt(0.5), 1e-15);
+    }
+  }
 }
 
 }  // namespace
