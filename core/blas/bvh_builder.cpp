@@ -7,12 +7,14 @@
 #include "core/blas/bvh_subtree.h"
 #include "core/blas/cost_model.h"
 #include "core/blas/spatial_split.h"
+#include "core/blas/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 namespace {
 
 /// Two arrays of references: a division copies from one to the other.
-using ReferenceArrays = std::array<std::unique_ptr<BuildReference[]>, 2>;
+using References = std::vector<BuildReference, UninitializedAllocator<BuildReference>>;
+using ReferenceArrays = std::array<References, 2>;
 
 /// References to become a node at `depth`: `count` from `first` in one of the arrays. [begin, end) is theirs
 /// in both.
@@ -24,6 +26,7 @@ struct Range {
   std::uint32_t array = 0;
   std::uint32_t depth = 0;
   SetBounds bounds;
+  bool cut_above = false;  ///< whether a set that it is part of was divided in space
 };
 using Halves = std::array<Range, 2>;
 
@@ -86,7 +89,7 @@ class Builder {
   }
 
   [[nodiscard]] std::span<BuildReference> span(const Range& range) const {
-    return {arrays_[range.array].get() + range.first, range.count};
+    return {arrays_[range.array].data() + range.first, range.count};
   }
 
   /// None when the range should be a leaf.
@@ -117,14 +120,17 @@ class Builder {
   [[nodiscard]] std::optional<Halves> divide_in_space(const Range& range,
                                                       const std::optional<BinnedSplit>& other) const {
     const std::size_t room = range.end - range.begin;
-    if (splitter_ == nullptr || room <= range.count || !other || !splitter_->promising(*other))
+    if (splitter_ == nullptr || room <= range.count || !other ||
+        !splitter_->promising(*other, range.cut_above))
       return std::nullopt;
     const std::optional<SpatialSplit> split = splitter_->find(span(range), *other, range.bounds.boxes);
     if (!split) return std::nullopt;
     const std::optional<SpatialDivision> division =
-        splitter_->divide(span(range), *split, {arrays_[1 - range.array].get() + range.begin, room});
+        splitter_->divide(span(range), *split, {arrays_[1 - range.array].data() + range.begin, room});
     if (!division) return std::nullopt;
-    return shared_out(range, division->counts, division->parts);
+    Halves halves = shared_out(range, division->counts, division->parts);
+    for (Range& half : halves) half.cut_above = true;
+    return halves;
   }
 
   [[nodiscard]] double node_cost(const Range& range, const BinnedSplit& split) const {
@@ -140,13 +146,13 @@ class Builder {
   static Halves halves(const Range& range, const Division& division) {
     const std::size_t middle = range.first + division.middle;
     return {Range{range.begin, middle, range.first, division.middle, range.array, range.depth + 1,
-                  division.parts[0]},
+                  division.parts[0], range.cut_above},
             Range{middle, range.end, middle, range.count - division.middle, range.array, range.depth + 1,
-                  division.parts[1]}};
+                  division.parts[1], range.cut_above}};
   }
 
   [[nodiscard]] Halves divide_at(const Range& range, const BinnedSplit& split) const {
-    BuildReference* to = arrays_[1 - range.array].get();
+    BuildReference* to = arrays_[1 - range.array].data();
     return shared_out(range, split.counts,
                       divide_at_bin(span(range), split, to + range.begin, to + range.end - split.counts[1]));
   }
@@ -163,8 +169,9 @@ class Builder {
     const double share = sum > 0.0 ? weights[0] / sum : 0.5;
     const std::size_t middle = left_end + std::size_t(double(right - left_end) * share);
     const std::uint32_t array = 1 - range.array;
-    return {Range{range.begin, middle, range.begin, counts[0], array, range.depth + 1, parts[0]},
-            Range{middle, range.end, right, counts[1], array, range.depth + 1, parts[1]}};
+    const bool cut = range.cut_above;
+    return {Range{range.begin, middle, range.begin, counts[0], array, range.depth + 1, parts[0], cut},
+            Range{middle, range.end, right, counts[1], array, range.depth + 1, parts[1], cut}};
   }
 
   ReferenceArrays& arrays_;
@@ -190,14 +197,14 @@ Result<BvhTree> build_bvh(const mesh::TriangleMesh& mesh, const BvhBuildConfig& 
   ReferenceArrays arrays;
   const std::size_t room =
       config.spatial == SpatialSplits::kNever ? count : std::size_t(double(count) * kMaxReferenceGrowth);
-  for (auto& array : arrays) array = std::make_unique_for_overwrite<BuildReference[]>(room);
-  const SetBounds bounds = make_references(mesh, arrays[0].get());
+  for (auto& array : arrays) array.resize(room);
+  const SetBounds bounds = make_references(mesh, arrays[0].data());
   const AreaScale areas(bounds.boxes.bounds());
   const SpatialSplitter splitter(mesh, areas, bounds.boxes, config.block);
   std::unique_ptr<Subtree> root =
       Builder(arrays, areas, &splitter, config, stop).build({0, room, 0, count, 0, 0, bounds});
   if (stop.stop_requested()) return cancelled();
-  for (auto& array : arrays) array.reset();
+  arrays = {};
 
   return flattened(std::move(root));
 }
@@ -206,8 +213,8 @@ Result<BvhTree> build_bvh(std::span<const BuildReference> boxes, std::stop_token
   if (boxes.empty()) return BvhTree{};
   const SetBounds bounds = bounds_of(boxes);
   ReferenceArrays arrays;
-  for (auto& array : arrays) array = std::make_unique_for_overwrite<BuildReference[]>(boxes.size());
-  std::copy(boxes.begin(), boxes.end(), arrays[0].get());
+  for (auto& array : arrays) array.resize(boxes.size());
+  std::copy(boxes.begin(), boxes.end(), arrays[0].data());
   const AreaScale areas(bounds.boxes.bounds());
   const BvhBuildConfig config{.max_leaf_size = 1, .task_size = kTaskBoxes};
   std::unique_ptr<Subtree> root =

@@ -14,6 +14,9 @@ namespace {
 constexpr std::size_t kParallelScan = 1 << 15;
 constexpr std::size_t kScanGrain = 1 << 13;
 
+/// Sets from here on are binned twice over, every second reference.
+constexpr std::size_t kTwoSets = 192;
+
 constexpr std::uint32_t kMaxBins = 16;
 constexpr std::uint32_t kMinBins = 4;
 /// A bin more for every so many references.
@@ -71,15 +74,13 @@ struct BinSet {
       std::fill_n(counts[axis].begin(), bin_count, 0U);
     }
   }
-  void add(std::span<const BuildReference> references, const BinMap& map) {
-    for (const BuildReference& reference : references) {
-      const Box4 box = reference.box();
-      const Int4 bins = map.bins(box);
-      for (int axis = 0; axis < 3; ++axis) {
-        const auto bin = std::size_t(bins[axis]);
-        boxes[std::size_t(axis)][bin].extend(box);
-        ++counts[std::size_t(axis)][bin];
-      }
+  void add(const BuildReference& reference, const BinMap& map) {
+    const Box4 box = reference.box();
+    const Int4 bins = map.bins(box);
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto bin = std::size_t(bins[axis]);
+      boxes[std::size_t(axis)][bin].extend(box);
+      ++counts[std::size_t(axis)][bin];
     }
   }
   void merge(const BinSet& other, std::uint32_t bin_count) {
@@ -92,16 +93,31 @@ struct BinSet {
   }
 };
 
-BinSet fill_bins(std::span<const BuildReference> references, const BinMap& map, std::uint32_t bin_count) {
-  BinSet all(bin_count);
-  if (references.size() < kParallelScan) {
-    all.add(references, map);
-    return all;
+/// Neighbours mostly fall into the same bins, and each would wait for the one before it: so where there are
+/// many every second one goes to bins of its own.
+void add_in_turns(std::span<const BuildReference> references, const BinMap& map, std::uint32_t bin_count,
+                  BinSet& bins) {
+  if (references.size() < kTwoSets) {
+    for (const BuildReference& reference : references) bins.add(reference, map);
+    return;
   }
-  return tbb::parallel_reduce(
+  BinSet others(bin_count);
+  for (std::size_t i = 0; i + 1 < references.size(); i += 2) {
+    bins.add(references[i], map);
+    others.add(references[i + 1], map);
+  }
+  if (references.size() % 2 != 0) bins.add(references.back(), map);
+  bins.merge(others, bin_count);
+}
+
+/// Adds to `all`, which is empty.
+void fill_bins(std::span<const BuildReference> references, const BinMap& map, std::uint32_t bin_count,
+               BinSet& all) {
+  if (references.size() < kParallelScan) return add_in_turns(references, map, bin_count, all);
+  all = tbb::parallel_reduce(
       tbb::blocked_range<std::size_t>(0, references.size(), kScanGrain), all,
       [&](const tbb::blocked_range<std::size_t>& range, BinSet bins) {
-        bins.add(references.subspan(range.begin(), range.size()), map);
+        add_in_turns(references.subspan(range.begin(), range.size()), map, bin_count, bins);
         return bins;
       },
       [bin_count](BinSet a, const BinSet& b) {
@@ -235,7 +251,8 @@ std::optional<BinnedSplit> find_binned_split(std::span<const BuildReference> ref
                                              LeafBlock block) {
   const std::uint32_t bin_count = bins_for(references.size());
   const BinMap map(bounds.centers, bin_count);
-  const BinSet bins = fill_bins(references, map, bin_count);
+  BinSet bins(bin_count);
+  fill_bins(references, map, bin_count, bins);
   const Float4 extent = bounds.centers.extent();
   float least = std::numeric_limits<float>::infinity();
   std::uint32_t first_of_right = 0;

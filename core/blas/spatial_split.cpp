@@ -16,6 +16,9 @@ constexpr std::size_t kBins = 16;
 /// Smaller sets give little: with 256 instead the hall's cost falls by another 4 % for a quarter more time,
 /// and the scan takes 1.8 times as long for nothing.
 constexpr std::size_t kLeastSet = 1024;
+/// Where no larger set around it was worth cutting, a smaller one than this hardly ever is: of 125 sets of a
+/// scan 4 were, of 724 of a soup 84, for half of the time that looking took.
+constexpr std::size_t kLeastUncutSet = 4096;
 /// Overlaps of less than this share of the parts' common length save too little.
 constexpr float kLeastLength = 0.05F;
 /// What a reference more must save, in blocks per ray and per triangle of the mesh.
@@ -90,10 +93,13 @@ class Sample {
 
   Sample(std::span<const BuildReference> references, float large, const AreaScale& areas) {
     const auto stride = std::uint32_t(references.size() / kSampleSize + 1);
-    std::size_t larges = 0;
+    references_.reserve(2 * kSampleSize + 1);
+    std::size_t larges = 0, next = 0;
     for (std::size_t i = 0; i < references.size(); ++i) {
       const bool is_large = areas.half_area(references[i].box()) >= large && larges < kSampleSize;
-      if (!is_large && i % stride != 0) continue;
+      const bool is_next = i == next;  // every stride-th
+      next += is_next ? stride : 0;
+      if (!is_large && !is_next) continue;
       larges += is_large ? 1 : 0;
       references_.push_back({references[i], is_large ? 1 : stride});
     }
@@ -187,8 +193,8 @@ SpatialSplitter::SpatialSplitter(const mesh::TriangleMesh& mesh, const AreaScale
       block_(block),
       least_saving_(kLeastSaving * areas.half_area(root) / float(mesh.triangle_count())) {}
 
-bool SpatialSplitter::promising(const BinnedSplit& split) const {
-  if (split.counts[0] + split.counts[1] < kLeastSet) return false;
+bool SpatialSplitter::promising(const BinnedSplit& split, bool cut_above) const {
+  if (split.counts[0] + split.counts[1] < (cut_above ? kLeastSet : kLeastUncutSet)) return false;
   const auto& [left, right] = split.boxes;
   const int axis = split.axis;
   Box4 overlap = left;

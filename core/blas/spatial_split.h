@@ -43,7 +43,8 @@ class SpatialSplitter {
   SpatialSplitter(const mesh::TriangleMesh& mesh, const AreaScale& areas, const Box4& root, LeafBlock block);
 
   /// Whether the parts of the best division by centers overlap so much that a plane in space may pay.
-  [[nodiscard]] bool promising(const BinnedSplit& split) const;
+  /// `cut_above`: a set that holds this one was divided at such a plane.
+  [[nodiscard]] bool promising(const BinnedSplit& split, bool cut_above) const;
 
   /// The cheapest of the planes between equal bins along each axis of the set's box, if it saves enough for
   /// the references that it adds. Large sets are judged by a sample.

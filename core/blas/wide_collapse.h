@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/blas/bvh_node.h"
+#include "core/blas/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 
@@ -54,10 +55,12 @@ class WideCollapse {
 
   const BvhTree& tree_;
   std::uint32_t max_leaf_;
-  std::vector<Costs> cost_;
-  std::vector<std::uint32_t> count_;
-  std::vector<std::uint32_t> first_;
-  std::vector<std::uint8_t> leaf_;
+  template <class T>
+  using Column = std::vector<T, UninitializedAllocator<T>>;
+  Column<Costs> cost_;
+  Column<std::uint32_t> count_;
+  Column<std::uint32_t> first_;
+  Column<std::uint8_t> leaf_;
 };
 
 }  // namespace gridcast::blas

@@ -94,12 +94,15 @@ const std::vector<std::pair<std::string, EmbreeOptions>>& embree_builds() {
   return builds;
 }
 
-/// What is built of ours, by name: every kind, and the BVHs once more in Morton order.
+/// What is built of ours, by name: every kind, the BVHs once more in Morton order, and the wide one without
+/// triangles in several leaves, as Embree's of medium quality are.
 std::vector<std::pair<std::string, blas::BuildOptions>> our_builds(const BenchOptions& options) {
   std::vector<std::pair<std::string, blas::BuildOptions>> builds;
   for (const blas::StructureKind kind : trees_of(options)) {
     const std::string name(blas::to_string(kind));
     builds.push_back({name, {.kind = kind}});
+    if (kind == blas::StructureKind::kWideBvh)
+      builds.push_back({name + "_whole", {.kind = kind, .spatial = blas::SpatialSplits::kNever}});
     if (kind == blas::StructureKind::kWideBvh || kind == blas::StructureKind::kCompactBvh ||
         kind == blas::StructureKind::kBvh)
       builds.push_back({name + "_fast", {.kind = kind, .quality = blas::BuildQuality::kFast}});

@@ -30,7 +30,7 @@ TEST(BuildsBench, TreesOfBothEnginesAreTimedAndWeighed) {
     EXPECT_GT(row.vs_embree_low, 0.0);
   }
   EXPECT_EQ(names, (std::set<std::string>{"low", "medium", "medium_compact", "robust", "high", "wide_bvh",
-                                          "wide_bvh_fast", "bvh", "bvh_fast", "kd_tree"}));
+                                          "wide_bvh_whole", "wide_bvh_fast", "bvh", "bvh_fast", "kd_tree"}));
 }
 
 TEST(RefitsBench, StructuresThatCannotRefitAreLeftOut) {
