@@ -27,7 +27,8 @@ struct Four {
 /// Numbers 0 to 3 of rows[lane], each at any address of a double.
 template <class D>
 HWY_INLINE Four<D> load_rows(D d, const std::array<const double*, hn::MaxLanes(D())>& rows);
-/// The first `kCount` numbers to rows[lane], in the order of the lanes.
+/// The first `kCount` numbers to rows[lane], in the order of the lanes, as bits: what lies there may be of
+/// another type.
 template <std::size_t kCount, class D>
 HWY_INLINE void store_rows(D d, const Four<D>& four, const std::array<double*, hn::MaxLanes(D())>& rows);
 
@@ -97,8 +98,11 @@ template <std::size_t kCount, class D>
 HWY_INLINE void store_rows(D d, const Four<D>& four, const std::array<double*, hn::MaxLanes(D())>& rows) {
   alignas(64) double lanes[4][hn::MaxLanes(D())];
   for (std::size_t k = 0; k < kCount; ++k) hn::Store(four.v[k], d, lanes[k]);
-  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane)
-    for (std::size_t k = 0; k < kCount; ++k) rows[lane][k] = lanes[k][lane];
+  for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
+    double numbers[kCount];
+    for (std::size_t k = 0; k < kCount; ++k) numbers[k] = lanes[k][lane];
+    std::memcpy(rows[lane], numbers, sizeof numbers);
+  }
 }
 
 #endif
