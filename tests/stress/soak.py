@@ -7,6 +7,7 @@ folder, answers a second and the latency of one ray, asked for fifty times a sec
 went over the second half, by a straight line through it, and how the latency drifted."""
 
 import argparse
+import itertools
 import random
 import socket
 import sys
@@ -160,9 +161,9 @@ class Soak:
                 self.ask(talker, "DELETE", job)
 
     def be_refused(self):
-        talker = Talker(self.port)
+        talker, turns = Talker(self.port), itertools.cycle(REFUSED)
         while not self.stop.wait(0.01):
-            method, path, body, more = self.random.choice(REFUSED)
+            method, path, body, more = next(turns)
             self.ask(talker, method, path, body, **more)
 
     def leave(self):
@@ -192,12 +193,13 @@ def percentile(values, share):
     return 1000 * sorted(values)[min(len(values) - 1, int(share * len(values)))] if values else float("nan")
 
 
-def run(server, seconds, period_s, folder=None, tell=None, seed=1):
-    """A look after every period: what `state` says, with answers and latencies. And what went wrong."""
+def run(server, seconds, period_s, folder=None, tell=None, seed=1, enough=lambda looks: True):
+    """A look after every period: what `state` says, with answers and latencies. And what went wrong. Goes on for up to
+    twenty times as long until there is `enough` to see."""
     soak, looks = Soak(server, seed), []
     begin = time.monotonic()
     soak.start()
-    while time.monotonic() - begin < seconds:
+    while (past := time.monotonic() - begin) < seconds or (past < 20 * seconds and not enough(looks)):
         time.sleep(period_s)
         counts, latencies = soak.look()
         looks.append({"minutes": (time.monotonic() - begin) / 60, **state(server, folder), "counts": counts,
