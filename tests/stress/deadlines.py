@@ -7,6 +7,7 @@ while its tree was refitted. Every question that takes rays, points or pixels is
 problem of the deadline (504) and nothing else. The time is that from the last byte sent until the answer is there."""
 
 import argparse
+import functools
 import socket
 import sys
 import time
@@ -61,6 +62,7 @@ def many_rays(count, seed=4):
     return np.concatenate([origins, random.uniform(-0.5, 0.5, (count, 3)) - origins], axis=1)
 
 
+@functools.cache
 def questions(deadline_ms):
     """{name: the request's method, path below a scene, body, content type and Accept}"""
     rays = many_rays(1_000_000).astype("<f4").tobytes()
