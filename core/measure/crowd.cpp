@@ -74,7 +74,7 @@ class CrowdMaker {
   void place_thing(const Vec3d& at) {
     const auto mesh = std::uint32_t(kBuilds + random_.below(2));
     const Mat3d linear = random_.uniform(0.4, 0.7) * random_.rotation();
-    data().instances.push_back({.name = {}, .mesh_id = mesh, .world_from_object = {linear, at}});
+    data().instances.push_back({.name = {}, .world_from_object = {linear, at}, .mesh_id = mesh});
   }
 
   std::uint32_t add_node(std::string name, std::uint32_t parent, const Trs& trs) {
@@ -102,7 +102,7 @@ class CrowdMaker {
       skin.inverse_bind.push_back({Mat3d(1.0), -joint.place});
     }
     scene::InstanceData shown{
-        .name = scene::SharedText(name), .mesh_id = std::uint32_t(number % kBuilds), .world_from_object = {}};
+        .name = scene::SharedText(name), .world_from_object = {}, .mesh_id = std::uint32_t(number % kBuilds)};
     shown.world_from_object.translation = at;
     shown.node = add_node(name + " body", root, {});
     shown.skin_id = std::uint32_t(data().skins.size() - 1);

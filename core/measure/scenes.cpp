@@ -19,13 +19,13 @@ BenchScene single(TriangleMesh mesh, const View& view) {
   BenchScene scene;
   scene.data.meshes.push_back(std::make_shared<const TriangleMesh>(std::move(mesh)));
   scene.data.deformations.emplace_back();
-  scene.data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+  scene.data.instances.push_back({.name = {}, .world_from_object = {}, .mesh_id = 0});
   scene.view = view;
   return scene;
 }
 
 void place(BenchScene& scene, const Vec3d& at, double scale, const Mat3d& rotation) {
-  scene.data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {scale * rotation, at}});
+  scene.data.instances.push_back({.name = {}, .world_from_object = {scale * rotation, at}, .mesh_id = 0});
 }
 
 BenchScene empty_of(TriangleMesh mesh, const View& view) {
@@ -195,7 +195,7 @@ scene::SceneData first_mesh(const scene::SceneData& data) {
   scene::SceneData alone;
   alone.meshes = {data.meshes[0]};
   alone.deformations.resize(1);
-  alone.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+  alone.instances.push_back({.name = {}, .world_from_object = {}, .mesh_id = 0});
   return alone;
 }
 

@@ -99,12 +99,14 @@ struct Animation {
 /// instance_id is its index in SceneData::instances: by node index, then by entry.
 struct InstanceData {
   SharedText name;
-  std::uint32_t mesh_id = kInvalidId;
   Affine world_from_object;
+  std::uint32_t mesh_id = kInvalidId;
   std::uint32_t node = kInvalidId;  ///< index into SceneData::nodes; none = not part of any pose
   std::uint32_t skin_id = kInvalidId;
   std::uint32_t entry = kInvalidId;  ///< index into SceneData::entries; none = stands where its node does
 };
+static_assert(sizeof(InstanceData) == sizeof(SharedText) + sizeof(Affine) + 16,
+              "a scene has many: no padding");
 
 struct SceneData {
   std::string name;

@@ -45,7 +45,7 @@ void add_mesh(Input& input, test::TriangleMesh mesh) {
 }
 
 void place(Input& input, std::uint32_t mesh_id, const Affine& where) {
-  input.data.instances.push_back({{}, mesh_id, where, kInvalidId, kInvalidId});
+  input.data.instances.push_back({{}, where, mesh_id});
 }
 
 /// Matt, mirroring and glassy surfaces under a sun and a lamp.

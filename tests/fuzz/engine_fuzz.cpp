@@ -40,7 +40,7 @@ std::optional<scene::SceneData> read_scene(fuzz::FuzzInput& input) {
   data.deformations.resize(meshes);
   for (std::uint32_t i = 0; i < instances; ++i) {
     const std::uint32_t mesh_id = input.below(meshes);
-    data.instances.push_back({{}, mesh_id, input.affine()});
+    data.instances.push_back({{}, input.affine(), mesh_id});
     if (!InstanceTransform(data.instances.back().world_from_object).active()) return std::nullopt;
   }
   return data;

@@ -30,7 +30,7 @@ scene::SceneState small_state() {
   auto data = std::make_shared<scene::SceneData>();
   data->meshes.push_back(triangle);
   data->deformations.resize(1);
-  data->instances.push_back({scene::SharedText("a"), 0, {}});
+  data->instances.push_back({scene::SharedText("a"), {}, 0});
   return scene::state_of(*scene::build_scene(*data).value());
 }
 

@@ -49,7 +49,7 @@ struct Model {
       // A slot of a removed or hidden instance keeps its number, but is never hit.
       const Affine nowhere{Mat3d(0.0), Vec3d(0.0)};
       const bool there = placed.alive && (placed.mask & query) != 0;
-      data.instances.push_back({{}, placed.mesh_id, there ? placed.world_from_object : nowhere});
+      data.instances.push_back({{}, there ? placed.world_from_object : nowhere, placed.mesh_id});
     }
     return data;
   }

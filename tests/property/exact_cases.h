@@ -73,11 +73,11 @@ inline scene::SceneData exact_scene(Random& random) {
   data.meshes.push_back(test::share(exact_mesh(random)));
   data.deformations.resize(1);
   const std::uint32_t count = 1 + random.below(2);
-  for (std::uint32_t i = 0; i < count; ++i) data.instances.push_back({{}, 0, exact_placement(random)});
+  for (std::uint32_t i = 0; i < count; ++i) data.instances.push_back({{}, exact_placement(random), 0});
   const Affine first = data.instances[0].world_from_object;
-  if (random.below(3) == 0) data.instances.push_back({{}, 0, first});
+  if (random.below(3) == 0) data.instances.push_back({{}, first, 0});
   if (random.below(3) == 0) {
-    data.instances.push_back({{}, 0, first});
+    data.instances.push_back({{}, first, 0});
     Vec3d& at = data.instances.back().world_from_object.translation;
     for (int axis = 0; axis < 3; ++axis) at[axis] = std::nextafter(at[axis], random.uniform(-1e9, 1e9));
   }

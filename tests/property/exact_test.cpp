@@ -132,7 +132,7 @@ TEST(Exact, BatchesAnswerAsSingleRays) {
   data.meshes.push_back(test::share(test::jittered_icosphere(3, 7)));
   data.deformations.resize(1);
   for (int i = 0; i < 20; ++i)
-    data.instances.push_back({{}, 0, {Mat3d(0.7) + Mat3d(random.uniform()), random.in_box(3.0)}});
+    data.instances.push_back({{}, {Mat3d(0.7) + Mat3d(random.uniform()), random.in_box(3.0)}, 0});
   const test::ExactScene reference(data);
   std::vector<Ray> rays;
   // From farther off every triangle is decided in integers: right, but slow.

@@ -26,8 +26,8 @@ inline scene::SceneData puppet() {
   data.nodes[1].parent = 0;
   data.skins.push_back({"bones", {0, 1}, {Affine{}, Affine{Mat3d(1.0), Vec3d(0.0, -0.7, 0.1)}}, kInvalidId});
   data.instances.resize(2);
-  data.instances[0] = {scene::SharedText("torus"), 0, {}, 2, 0};
-  data.instances[1] = {scene::SharedText("box"), 1, {}, 3};
+  data.instances[0] = {scene::SharedText("torus"), {}, 0, 2, 0};
+  data.instances[1] = {scene::SharedText("box"), {}, 1, 3};
   data.animations = {{"wave",
                       {{1,
                         scene::AnimationPath::kRotation,

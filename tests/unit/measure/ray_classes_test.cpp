@@ -17,7 +17,7 @@ std::shared_ptr<const scene::Scene> scene_of(mesh::TriangleMesh mesh) {
   scene::SceneData data;
   data.meshes.push_back(test::share(std::move(mesh)));
   data.deformations.resize(1);
-  data.instances.push_back({{}, 0, {Mat3d(2.0), Vec3d(5.0, -3.0, 1.0)}});
+  data.instances.push_back({{}, {Mat3d(2.0), Vec3d(5.0, -3.0, 1.0)}, 0});
   return scene::build_scene(std::move(data)).value();
 }
 

@@ -21,7 +21,7 @@ scene::SceneData row_of(mesh::TriangleMesh mesh, int instances) {
   test::Random random(17);
   for (int i = 0; i < instances; ++i) {
     const double angle = random.uniform(0.0, 6.0), c = std::cos(angle), s = std::sin(angle);
-    data.instances.push_back({{}, 0, {Mat3d{{c, s, 0}, {-s, c, 0}, {0, 0, 1}}, Vec3d(2.5 * i, 0.0, 1e3)}});
+    data.instances.push_back({{}, {Mat3d{{c, s, 0}, {-s, c, 0}, {0, 0, 1}}, Vec3d(2.5 * i, 0.0, 1e3)}, 0});
   }
   return data;
 }

@@ -88,7 +88,7 @@ TEST(EmbreeYardstick, MovedVerticesAndInstancesAreSeenByRays) {
   floor.positions = {{-9, 0, -9}, {9, 0, -9}, {0, 0, 9}};
   floor.triangles = {{0, 1, 2}};
   data.meshes = {std::make_shared<const mesh::TriangleMesh>(floor)};
-  data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+  data.instances.push_back({.name = {}, .world_from_object = {}, .mesh_id = 0});
   auto single = EmbreeScene::build(data, {.use = EmbreeUse::kDynamic}).value();
   for (Vec3f& p : floor.positions) p.y = 10.F;
   EXPECT_FLOAT_EQ(float(t_of(*single, EmbreeEntry::kSingle)), 50.F);

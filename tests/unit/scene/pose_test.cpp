@@ -52,11 +52,11 @@ SceneData puppet() {
   }
   data.skins.push_back({"bones", {1, 2}, {Affine{}, Affine{Mat3d(1.0), Vec3d(0.0, -0.7, 0.1)}}, kInvalidId});
   data.entries = {{Mat3d(0.5), Vec3d(3.0, 0.0, 0.0)}};
-  data.instances = {{SharedText("torus"), 0, data.nodes[3].local, 3, 0},
-                    {SharedText("box"), 1, data.nodes[4].local, 4},
-                    {SharedText("small box"), 1, data.nodes[4].local * data.nodes[5].local * data.entries[0],
+  data.instances = {{SharedText("torus"), data.nodes[3].local, 0, 3, 0},
+                    {SharedText("box"), data.nodes[4].local, 1, 4},
+                    {SharedText("small box"), data.nodes[4].local * data.nodes[5].local * data.entries[0], 1,
                      5, kInvalidId, 0},
-                    {SharedText("alone"), 1, {Mat3d(0.25), Vec3d(0.0, 9.0, 0.0)}}};
+                    {SharedText("alone"), {Mat3d(0.25), Vec3d(0.0, 9.0, 0.0)}, 1}};
   data.animations = {
       {"wave",
        {channel(1, AnimationPath::kRotation, {0.F, 0.5F, 2.F}, {0, 0, 0, 1, 0, 0, 1, 1, 0, 1, 0, 0.2F}),

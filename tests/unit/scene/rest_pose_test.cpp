@@ -45,7 +45,7 @@ std::uint32_t add_shown(SceneData& data, std::uint32_t skin_id, std::vector<floa
   node.local = {Mat3d(3.0), Vec3d(7.0, 8.0, 9.0)};
   node.weights = std::move(weights);
   const auto id = std::uint32_t(data.nodes.size());
-  data.instances.push_back({{}, 0, node.local, id, skin_id});
+  data.instances.push_back({{}, node.local, 0, id, skin_id});
   data.nodes.push_back(std::move(node));
   return std::uint32_t(data.instances.size() - 1);
 }

@@ -37,7 +37,7 @@ inline SceneData meshes_only() {
 }
 
 inline void place(SceneData& data, std::uint32_t mesh_id, const Affine& where) {
-  data.instances.push_back({{}, mesh_id, where, kInvalidId, kInvalidId});
+  data.instances.push_back({{}, where, mesh_id});
 }
 
 /// Scenes of `count` instances that a top level may get wrong.

@@ -17,7 +17,7 @@ std::shared_ptr<const Scene> squares_at(const std::vector<double>& heights) {
   SceneData data;
   data.meshes.push_back(test::share(square));
   data.deformations.resize(1);
-  for (const double height : heights) data.instances.push_back({{}, 0, {Mat3d(1.0), {0.0, height, 0.0}}});
+  for (const double height : heights) data.instances.push_back({{}, {Mat3d(1.0), {0.0, height, 0.0}}, 0});
   return build_scene(data).value();
 }
 
@@ -98,7 +98,7 @@ TEST(TraceExact, CornersAreHitWhereTheImageOfTheRayHasFewDigits) {
       SceneData data;
       data.meshes.push_back(test::share(tips()));
       data.deformations.resize(1);
-      data.instances.push_back({{}, 0, plane.world_from_object()});
+      data.instances.push_back({{}, plane.world_from_object(), 0});
       SceneBuildOptions options;
       options.blas.kind = kind;
       const auto scene = build_scene(std::move(data), options).value();

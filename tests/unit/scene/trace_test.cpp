@@ -10,7 +10,7 @@ namespace {
 TEST(SceneTrace, one_triangle_is_hit_with_ids_weights_and_normal) {
   SceneData data;
   data.meshes.push_back(test::share(test::single_triangle()));
-  data.instances.push_back({SharedText("one"), 0, {Mat3d(2.0), Vec3d(10, 0, 0)}, kInvalidId, kInvalidId});
+  data.instances.push_back({SharedText("one"), {Mat3d(2.0), Vec3d(10, 0, 0)}, 0});
   const auto scene = build_scene(std::move(data));
   ASSERT_TRUE(scene.ok());
   const SurfaceHit hit = intersect(**scene, {{10.5, 0.5, 3}, {0, 0, -2}});

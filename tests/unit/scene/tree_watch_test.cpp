@@ -124,7 +124,7 @@ TEST(TreeWatch, a_mesh_that_is_shuffled_and_put_in_order_again_keeps_a_good_tree
     SceneData data;
     data.meshes = {mesh};
     data.deformations.resize(1);
-    data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+    data.instances.push_back({.name = {}, .world_from_object = {}, .mesh_id = 0});
     auto scene = build_scene(std::move(data)).value();
     std::vector<Vec3f> shuffled = mesh->positions;
     std::mt19937_64 engine(test::seed_or(91));
@@ -150,7 +150,7 @@ TEST(TreeWatch, a_large_mesh_that_breaks_in_one_place_is_repaired_there) {
   SceneData data;
   data.meshes = {mesh};
   data.deformations.resize(1);
-  data.instances.push_back({.name = {}, .mesh_id = 0, .world_from_object = {}});
+  data.instances.push_back({.name = {}, .world_from_object = {}, .mesh_id = 0});
   const auto scene = build_scene(std::move(data)).value();
   std::vector<Vec3f> positions = mesh->positions;
   test::Random random(test::seed_or(92));

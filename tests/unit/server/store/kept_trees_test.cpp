@@ -25,7 +25,7 @@ ScenePtr sphere(StructureKind kind = StructureKind::kAuto, int level = 4) {
   scene::SceneData data;
   data.meshes = {test::share(test::jittered_icosphere(level, 5))};
   data.deformations.resize(1);
-  data.instances.push_back({scene::SharedText("sphere"), 0, {}});
+  data.instances.push_back({scene::SharedText("sphere"), {}, 0});
   scene::SceneBuildOptions options;
   options.blas.kind = kind;
   return scene::build_scene(std::move(data), options).value();
