@@ -1,6 +1,7 @@
-// Traces ray sets through every structure, each in a call of its own for a profiler to count: see
-// tests/bench/instructions.sh. On one thread, since callgrind's collection is switched on per thread.
+// Builds every structure and traces ray sets through it, each in a call of its own for a profiler to count:
+// see tests/bench/instructions.sh. On one thread, since callgrind's collection is switched on per thread.
 //   build/release/bin/bench_instructions [SCENE] [SIZE] [RAYS] [SEED]
+//   build/release/bin/bench_instructions --about     what counts depend on: the compiler, the instruction set
 
 #include <cstdint>
 #include <cstdio>
@@ -8,10 +9,12 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <oneapi/tbb/task_arena.h>
 
+#include "core/math/instruction_set.h"
 #include "core/measure/answers.h"
 #include "core/measure/embree_yardstick.h"
 #include "core/measure/ray_sets.h"
@@ -19,8 +22,13 @@
 #include "core/scene/scene.h"
 #include "core/scene/trace.h"
 
+#if defined(__clang__)
+#define GRIDCAST_COUNTED_ONCE gnu::noinline
+#else
+#define GRIDCAST_COUNTED_ONCE gnu::noipa  // nor a copy of another name
+#endif
 /// What is counted; the profiler knows it by this name.
-extern "C" [[gnu::noinline]] void gridcast_counted(const std::function<void()>& work) {
+extern "C" [[GRIDCAST_COUNTED_ONCE]] void gridcast_counted(const std::function<void()>& work) {
   work();
 }
 
@@ -41,6 +49,39 @@ void count(const char* structure, const char* entry, const RaySet& rays, const s
   gridcast_counted(work);
 }
 
+/// Of all meshes, each alone.
+void count_builds(const scene::SceneData& data) {
+  struct Build {
+    const char* name;
+    blas::BuildOptions options;
+  };
+  const Build builds[] = {
+      {"wide_bvh", {.kind = blas::StructureKind::kWideBvh}},
+      {"wide_bvh_fast", {.kind = blas::StructureKind::kWideBvh, .quality = blas::BuildQuality::kFast}},
+      {"kd_tree", {.kind = blas::StructureKind::kKdTree}}};
+  std::size_t triangles = 0;
+  for (const auto& mesh : data.meshes) triangles += mesh->triangle_count();
+  for (const Build& build : builds) {
+    std::printf("%s build triangles %zu\n", build.name, triangles);
+    gridcast_counted([&] {
+      for (const auto& mesh : data.meshes) (void)blas::Blas::build(mesh, build.options);
+    });
+  }
+}
+
+/// One line: the compiler with its version, and the instructions that kernels use here.
+void print_about() {
+#if defined(__clang__)
+  std::printf("clang-%d.%d", __clang_major__, __clang_minor__);
+#else
+  std::printf("gcc-%d.%d", __GNUC__, __GNUC_MINOR__);
+#endif
+#if !defined(__OPTIMIZE__)
+  std::printf("-O0");
+#endif
+  std::printf(" %s\n", std::string(instruction_set()).c_str());
+}
+
 void count_ours(const char* name, const scene::Scene& scene, const RaySet& rays) {
   measure::Answers answers;
   answers.resize(rays.size(), query_of(rays.kind));
@@ -58,6 +99,7 @@ void count_ours(const char* name, const scene::Scene& scene, const RaySet& rays)
 int run(const std::string& name, double size, std::size_t ray_count, std::uint64_t seed) {
   const auto made = measure::make_scene(name, seed, size);
   if (!made) return std::fprintf(stderr, "%s\n", made.error().message.c_str()), 2;
+  count_builds(made->data);
   std::vector<RaySet> sets;
   for (const blas::StructureKind kind : kStructures) {
     const auto scene = scene::build_scene(made->data, {{kind}, {}, {}});
@@ -89,6 +131,7 @@ int run(const std::string& name, double size, std::size_t ray_count, std::uint64
 }  // namespace gridcast
 
 int main(int argc, char** argv) {
+  if (argc > 1 && std::string_view(argv[1]) == "--about") return gridcast::print_about(), 0;
   const std::string name = argc > 1 ? argv[1] : "S1";
   const double size = argc > 2 ? std::atof(argv[2]) : 1.0;
   const auto rays = std::size_t(argc > 3 ? std::atoll(argv[3]) : 2000);
