@@ -5,6 +5,8 @@
 #include <limits>
 #include <vector>
 
+#include "core/blas/triangle_boxes.h"
+
 namespace gridcast::blas {
 namespace {
 
@@ -19,6 +21,8 @@ constexpr std::size_t kLeastSet = 1024;
 /// Where no larger set around it was worth cutting, a smaller one than this hardly ever is: of 125 sets of a
 /// scan 4 were, of 724 of a soup 84, for half of the time that looking took.
 constexpr std::size_t kLeastUncutSet = 4096;
+/// Unless a random ray meets the boxes of so many triangles: then small sets overlap as much as large ones.
+constexpr double kCrowdedBoxes = 1024.0;
 /// Overlaps of less than this share of the parts' common length save too little.
 constexpr float kLeastLength = 0.05F;
 /// What a reference more must save, in blocks per ray and per triangle of the mesh.
@@ -191,10 +195,12 @@ SpatialSplitter::SpatialSplitter(const mesh::TriangleMesh& mesh, const AreaScale
     : mesh_(mesh),
       areas_(areas),
       block_(block),
-      least_saving_(kLeastSaving * areas.half_area(root) / float(mesh.triangle_count())) {}
+      least_saving_(kLeastSaving * areas.half_area(root) / float(mesh.triangle_count())),
+      least_uncut_set_(triangle_boxes_per_ray(mesh, root.bounds()) > kCrowdedBoxes ? kLeastSet
+                                                                                   : kLeastUncutSet) {}
 
 bool SpatialSplitter::promising(const BinnedSplit& split, bool cut_above) const {
-  if (split.counts[0] + split.counts[1] < (cut_above ? kLeastSet : kLeastUncutSet)) return false;
+  if (split.counts[0] + split.counts[1] < (cut_above ? kLeastSet : least_uncut_set_)) return false;
   const auto& [left, right] = split.boxes;
   const int axis = split.axis;
   Box4 overlap = left;

@@ -61,7 +61,8 @@ class SpatialSplitter {
   const mesh::TriangleMesh& mesh_;
   const AreaScale& areas_;
   LeafBlock block_;
-  float least_saving_;  ///< half area times blocks, for each reference more
+  float least_saving_;           ///< half area times blocks, for each reference more
+  std::size_t least_uncut_set_;  ///< smaller ones are looked at only where a larger one was cut
 };
 
 }  // namespace gridcast::blas
