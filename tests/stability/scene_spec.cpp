@@ -134,7 +134,7 @@ scene::SceneData scene_data(const SceneSpec& spec) {
   for (const MeshSource& source : spec.meshes) data.meshes.push_back(source.mesh);
   data.deformations.resize(data.meshes.size());
   for (const Placement& placement : spec.instances)
-    data.instances.push_back({{}, placement.mesh, placement.world_from_object, kInvalidId, kInvalidId});
+    data.instances.push_back({{}, placement.world_from_object, placement.mesh});
   return data;
 }
 

@@ -39,7 +39,7 @@ scene::SceneData among_decoys(scene::SceneData data, const Bounds3d& bounds) {
   for (int i = 0; i < kDecoys; ++i) {
     const Affine where{Mat3d(0.1 * max_abs(bounds.extent())),
                        bounds.center() + bounds.extent() * random.in_box(0.6)};
-    data.instances.push_back({{}, mesh_id, where, kInvalidId, kInvalidId});
+    data.instances.push_back({{}, where, mesh_id});
   }
   return data;
 }

@@ -28,7 +28,7 @@ class ExactScene {
     scene::SceneData data;
     data.meshes.push_back(std::move(mesh));
     data.deformations.resize(1);
-    data.instances.push_back({{}, 0, affine});
+    data.instances.push_back({{}, affine, 0});
     return data;
   }
 
