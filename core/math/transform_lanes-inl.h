@@ -141,16 +141,13 @@ class TransformLanes {
     return hn::And(hn::And(hn::Le(a, most), hn::Le(b, most)), hn::Le(c, most));
   }
 
-  /// Comparisons fail for NaN, so what is not finite is not active: any such entry of the inverse makes the
-  /// row sums and the condition so.
+  /// Comparisons fail for NaN, so what is not finite is not active: any such entry of the matrix, which the
+  /// largest one may hide, or of the inverse makes the growths so.
   HWY_INLINE void invert() {
     const D d;
     const Matrix& a = linear_;
     const V largest = largest_entry(a);
-    auto active = hn::Ge(largest, hn::Set(d, kMinScale));
-    for (const auto& column : a)
-      active =
-          hn::And(active, all_at_most(hn::Abs(column[0]), hn::Abs(column[1]), hn::Abs(column[2]), kMaxScale));
+    auto active = hn::And(hn::Ge(largest, hn::Set(d, kMinScale)), hn::Le(largest, hn::Set(d, kMaxScale)));
     active = hn::And(active, all_at_most(hn::Abs(translation_[0]), hn::Abs(translation_[1]),
                                          hn::Abs(translation_[2]), kMaxTranslation));
 

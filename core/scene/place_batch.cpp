@@ -30,7 +30,7 @@ struct Reaches {
   V backward, forward;
 };
 
-/// The reaches of a mesh, or those of each lane's, looked up.
+/// The reaches of a mesh along directions and against them, or those of each lane's, looked up by number.
 class OneHull {
  public:
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
@@ -39,18 +39,16 @@ class OneHull {
       : magnitude_(double(hull.magnitude())),
         first_(_mm512_loadu_ps(hull.numbered() - MeshHull::kLargestNumber)),
         second_(_mm512_maskz_loadu_ps(kRest, hull.numbered() - MeshHull::kLargestNumber + 16)) {}
-  [[nodiscard]] HWY_INLINE V along(V numbers) const {
-    const __m256i places = _mm512_cvttpd_epi32((numbers + hn::Set(D(), MeshHull::kLargestNumber)).raw);
-    const __m512 found = _mm512_permutex2var_ps(first_, _mm512_castsi256_si512(places), second_);
-    return V{_mm512_cvtps_pd(_mm512_castps512_ps256(found))};
+  [[nodiscard]] HWY_INLINE Reaches along(V numbers) const {
+    const __m256i forward = _mm512_cvttpd_epi32((numbers + hn::Set(D(), MeshHull::kLargestNumber)).raw);
+    const __m256i backward = _mm256_sub_epi32(_mm256_set1_epi32(2 * MeshHull::kLargestNumber), forward);
+    return {found(backward), found(forward)};
   }
 #else
   HWY_INLINE explicit OneHull(const MeshHull& hull)
       : magnitude_(double(hull.magnitude())), numbered_(hull.numbered()) {}
-  [[nodiscard]] HWY_INLINE V along(V numbers) const {
-    const hn::Rebind<float, D> f;
-    const hn::Rebind<std::int32_t, D> i;
-    return hn::PromoteTo(D(), hn::GatherIndex(f, numbered_, hn::DemoteTo(i, numbers)));
+  [[nodiscard]] HWY_INLINE Reaches along(V numbers) const {
+    return {found(hn::Neg(numbers)), found(numbers)};
   }
 #endif
   [[nodiscard]] HWY_INLINE V magnitude() const {
@@ -60,9 +58,20 @@ class OneHull {
  private:
   double magnitude_;
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+  [[nodiscard]] HWY_INLINE V found(__m256i places) const {
+    const __m512 found = _mm512_permutex2var_ps(first_, _mm512_castsi256_si512(places), second_);
+    return V{_mm512_cvtps_pd(_mm512_castps512_ps256(found))};
+  }
+
   static constexpr __mmask16 kRest = (1U << (MeshHull::kNumbers - 16)) - 1U;
   __m512 first_, second_;
 #else
+  [[nodiscard]] HWY_INLINE V found(V numbers) const {
+    const hn::Rebind<float, D> f;
+    const hn::Rebind<std::int32_t, D> i;
+    return hn::PromoteTo(D(), hn::GatherIndex(f, numbered_, hn::DemoteTo(i, numbers)));
+  }
+
   const float* numbered_;
 #endif
 };
@@ -75,7 +84,12 @@ class HullOfEachLane {
     for (std::size_t k = 0; k < hn::Lanes(d); ++k) values[k] = double(hulls_[k]->magnitude());
     return hn::Load(d, values);
   }
-  [[nodiscard]] HWY_INLINE V along(V numbers) const {
+  [[nodiscard]] HWY_INLINE Reaches along(V numbers) const {
+    return {found(hn::Neg(numbers)), found(numbers)};
+  }
+
+ private:
+  [[nodiscard]] HWY_INLINE V found(V numbers) const {
     const D d;
     alignas(64) double values[kSize];
     hn::Store(numbers, d, values);
@@ -83,7 +97,6 @@ class HullOfEachLane {
     return hn::Load(d, values);
   }
 
- private:
   const MeshHull* const* hulls_;
 };
 
@@ -114,8 +127,9 @@ HWY_INLINE Reaches reach(const V (&n)[3], const Hulls& hulls) {
   V backward = hn::Zero(d), forward = hn::Zero(d);
   for (int k = 0; k < 3; ++k) {
     if (k > 0) number = number + step[k];
-    const V back = factors[k] * hulls.along(hn::Neg(number));
-    const V forth = factors[k] * hulls.along(number);
+    const Reaches along = hulls.along(number);
+    const V back = factors[k] * along.backward;
+    const V forth = factors[k] * along.forward;
     backward = k == 0 ? back : backward + back;
     forward = k == 0 ? forth : forward + forth;
   }
@@ -218,7 +232,12 @@ namespace gridcast::scene {
 HWY_EXPORT(place);
 
 std::uint32_t PlaceBatch::place() {
-  std::fill(hulls_.begin() + std::ptrdiff_t(count_), hulls_.end(), hulls_[0]);
+  for (std::size_t k = count_; k < kSize; ++k) {
+    from_[k] = &spare_.from;
+    hulls_[k] = hulls_[0];
+    transforms_[k] = &spare_.transform;
+    boxes_[k] = &spare_.box;
+  }
   const std::uint32_t active = HWY_DYNAMIC_DISPATCH(place)({from_, hulls_, transforms_, boxes_});
   for (std::size_t k = 0; k < count_; ++k)
     if (hulls_[k]->empty()) *boxes_[k] = {};

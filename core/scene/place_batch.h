@@ -16,14 +16,7 @@ class PlaceBatch {
  public:
   static constexpr std::size_t kSize = 8;
 
-  PlaceBatch() { clear(); }
-  void clear() {
-    count_ = 0;
-    from_.fill(&spare_.from);
-    transforms_.fill(&spare_.transform);
-    boxes_.fill(&spare_.box);
-    hulls_.fill(nullptr);
-  }
+  void clear() { count_ = 0; }
   [[nodiscard]] std::size_t size() const { return count_; }
   /// All of them live until place(), and each is written once.
   void add(const Affine& world_from_object, const MeshHull& hull, InstanceTransform& transform,
@@ -54,10 +47,10 @@ class PlaceBatch {
   };
 
   std::size_t count_ = 0;
-  std::array<const Affine*, kSize> from_;
-  std::array<const MeshHull*, kSize> hulls_;
-  std::array<InstanceTransform*, kSize> transforms_;
-  std::array<tlas::InstanceBox*, kSize> boxes_;
+  std::array<const Affine*, kSize> from_{};
+  std::array<const MeshHull*, kSize> hulls_{};
+  std::array<InstanceTransform*, kSize> transforms_{};
+  std::array<tlas::InstanceBox*, kSize> boxes_{};
   Spare spare_;
 };
 
