@@ -23,7 +23,7 @@ void add_file_options(CLI::App& command, FileOptions& options) {
       ->check(CLI::IsMember({"midpoint", "median", "sah"}));
   command
       .add_option("--quality", options.quality,
-                  "How a BVH is built: default, for the best rays, or fast, in about half the time")
+                  "How a BVH is built: default, for the best rays, or fast, in a quarter of the time")
       ->capture_default_str()
       ->check(CLI::IsMember(
           std::vector<std::string>(proto::kBuildQualityNames.begin(), proto::kBuildQualityNames.end())));
