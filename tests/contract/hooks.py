@@ -70,3 +70,9 @@ def map_path_parameters(context, path_parameters):
         if isinstance(path_parameters.get(key), int) and path_parameters[key] % 2 == 0:
             changed[key] = path_parameters[key] % 3
     return path_parameters | changed
+
+
+@schemathesis.hook
+def filter_query(context, query):
+    # One field without a name is written as no field is: nobody can tell them apart.
+    return (query or {}).get("fields") not in ("", [""])
