@@ -87,17 +87,8 @@ class StreamWalker {
     if constexpr (!C::kStopsAtFirst)
       while (next > last_) next = *top_++;
     link_ = std::uint32_t(next);
-    if (link_ != kEnd) prefetch_next();
+    if (link_ != kEnd) prefetch(tree_, link_);
   }
-  /// As prefetch(), without a branch.
-  HWY_INLINE void prefetch_next() const {
-    const bool leaf = wide_child::is_leaf(link_);
-    const void* const base = leaf ? static_cast<const void*>(tree_.blocks) : tree_.nodes;
-    const std::size_t size = leaf ? sizeof(TriangleBlock) : sizeof(WideNode);
-    const auto* const line = static_cast<const std::byte*>(base) + size * wide_child::index(link_);
-    for (std::size_t i = 0; i < 4; ++i) __builtin_prefetch(line + 64 * i);
-  }
-
   const WideView tree_;
   const WideRay ray_;
   C& collector_;

@@ -88,15 +88,15 @@ HWY_INLINE std::uint32_t gather_leaf(const CompactView& tree, std::uint32_t link
 }
 
 /// Asks for the memory of a node or of the first block of a leaf that will be looked at soon: with trees
-/// larger than the second-level cache that is what a ray waits for most.
+/// larger than the second-level cache that is what a ray waits for most. Without a branch, since which of the
+/// two it is is hard to foresee; that may ask for a line behind a block.
 HWY_INLINE void prefetch(const WideView& tree, std::uint32_t link) {
-  constexpr std::size_t kLine = 64;
+  constexpr std::size_t kLine = 64, kLines = sizeof(WideNode) / kLine;
   const bool leaf = wide_child::is_leaf(link);
-  const void* place =
-      leaf ? static_cast<const void*>(tree.blocks + wide_child::index(link)) : tree.nodes + link;
-  const auto* line = static_cast<const std::byte*>(place);
+  const void* const first = leaf ? static_cast<const void*>(tree.blocks) : tree.nodes;
   const std::size_t size = leaf ? sizeof(TriangleBlock) : sizeof(WideNode);
-  for (std::size_t at = 0; at < size; at += kLine) __builtin_prefetch(line + at);
+  const auto* const place = static_cast<const std::byte*>(first) + size * wide_child::index(link);
+  for (std::size_t line = 0; line < kLines; ++line) __builtin_prefetch(place + kLine * line);
 }
 /// Only the ids of a leaf, with which its wait for corners begins.
 HWY_INLINE void prefetch(const CompactView& tree, std::uint32_t link) {
