@@ -108,7 +108,7 @@ struct SomeDrift {
 }  // namespace
 
 template <class Drift>
-bool ObjectRay::prepare_with(const Ray& ray, const Bounds3f& bounds, Drift drift) {
+inline bool ObjectRay::prepare_with(const Ray& ray, const Bounds3f& bounds, Drift drift) {
   origin = ray.origin;
   direction = ray.direction;
   tnear = ray.tnear;
@@ -179,6 +179,13 @@ bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds) {
 
 bool ObjectRay::prepare(const Ray& ray, const Bounds3f& bounds, double drift) {
   return prepare_with(ray, bounds, SomeDrift{drift});
+}
+
+bool ObjectRay::prepare(const Ray& ray, double far, const InstanceTransform& transform,
+                        const Bounds3f& bounds) {
+  const Ray object{transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
+                   ray.tnear, far};
+  return prepare_with(object, bounds, NoDrift{});
 }
 
 }  // namespace gridcast::mesh

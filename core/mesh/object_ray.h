@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/math/affine.h"
 #include "core/math/bounds.h"
 #include "core/math/ray.h"
 
@@ -62,6 +63,9 @@ struct ObjectRay {
   /// The same for a ray that stands for another: at every t of a hit, a point of the one lies within `drift`
   /// (per axis) of the other's.
   bool prepare(const Ray& ray, const Bounds3f& bounds, double drift);
+  /// The same for a ray in world space, up to `far`, and an instance of the mesh. In one step, since the ray
+  /// in object space would be stored number by number and loaded by twos, which waits for the stores.
+  bool prepare(const Ray& ray, double far, const InstanceTransform& transform, const Bounds3f& bounds);
 
   /// Upper bound of s at t: nothing at distance t or less lies beyond it.
   [[nodiscard]] float cull_far(double t) const {
@@ -71,7 +75,7 @@ struct ObjectRay {
 
  private:
   template <class Drift>
-  bool prepare_with(const Ray& ray, const Bounds3f& bounds, Drift drift);
+  [[gnu::always_inline]] bool prepare_with(const Ray& ray, const Bounds3f& bounds, Drift drift);
   template <class Drift>
   bool prepare_far(const Ray& ray, const Bounds3f& bounds, double box_size, Drift drift);
 };

@@ -122,6 +122,14 @@ class NormalWriter {
   std::size_t size_ = 0;
 };
 
+/// A function of its own, so that the answer it looks at is no other's: one that is looked at has to be in
+/// memory, where it is written number by number and read by twos, which waits for the writes.
+double error_of(const Scene& scene, const Hit& hit, const Ray& ray) {
+  SurfaceHit surface;
+  describe(scene, hit, surface);
+  return t_error(scene, ray, surface);
+}
+
 /// The answers of a run into its rows, from `begin` on. `Rows` is HitColumns or TracedRows.
 template <class Rows>
 void keep_run(const Scene& scene, const RayRun& run, HitField fields, std::size_t begin, Rows& rows) {
@@ -133,7 +141,7 @@ void keep_run(const Scene& scene, const RayRun& run, HitField fields, std::size_
     surface.status = run.status[i];
     if (surface.status == RayStatus::kHit) {
       describe(scene, run.hits[i], surface);
-      if (has(fields, HitField::kTError)) surface.t_error = t_error(scene, run.rays[i], surface);
+      if (has(fields, HitField::kTError)) surface.t_error = error_of(scene, run.hits[i], run.rays[i]);
     }
     rows.set(begin + i, surface);
     if (surface.status == RayStatus::kHit && has(fields, HitField::kNormal))

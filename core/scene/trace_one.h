@@ -13,9 +13,7 @@ namespace gridcast::scene {
 /// `ray` in the object space of an instance, ready for its tree. False when it misses the mesh's box.
 inline bool prepare_for(mesh::ObjectRay& prepared, const InstanceTransform& transform, const blas::Blas& blas,
                         const Ray& ray, double far, std::uint32_t instance_id, const PrimitiveRef& excluded) {
-  const Ray object{transform.point_to_object(ray.origin), transform.vector_to_object(ray.direction),
-                   ray.tnear, far};
-  if (!prepared.prepare(object, blas.bounds())) return false;
+  if (!prepared.prepare(ray, far, transform, blas.bounds())) return false;
   prepared.instance_id = instance_id;
   prepared.excluded_primitive = excluded.instance_id == instance_id ? excluded.primitive_id : kInvalidId;
   return true;
