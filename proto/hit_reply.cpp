@@ -4,15 +4,6 @@
 
 namespace gridcast::proto {
 
-RayStats& RayStats::operator+=(const RayStats& part) {
-  rays += part.rays;
-  hits += part.hits;
-  misses += part.misses;
-  invalid += part.invalid;
-  trace_ms += part.trace_ms;
-  return *this;
-}
-
 RayStats count_statuses(std::span<const RayStatus> status, double trace_ms) {
   RayStats stats;
   stats.rays = status.size();
@@ -63,59 +54,26 @@ std::string write_occlusion_json(std::span<const RayStatus> status, const ReplyH
   return std::move(text).take();
 }
 
-namespace {
-
-/// One member of all pieces as a column.
-template <class Piece, class Values>
-void add_column(ColumnTable& table, std::string_view name, std::string_view dtype,
-                std::span<const Piece> pieces, Values values, std::size_t width) {
-  std::vector<std::span<const std::byte>> bytes;
-  std::size_t rows = 0;
-  for (const Piece& piece : pieces) {
-    const auto& column = values(piece);
-    rows += column.size() / width;
-    bytes.push_back(std::as_bytes(std::span(column)));
-  }
-  table.add_pieces(name, dtype, bytes, rows, width);
-}
-
-}  // namespace
-
-void add_hit_columns(ColumnTable& table, std::span<const HitColumns> pieces, HitField fields) {
-  const auto add = [&](std::string_view name, std::string_view dtype, auto member, std::size_t width = 1) {
-    add_column(
-        table, name, dtype, pieces, [&](const HitColumns& hits) -> auto& { return hits.*member; }, width);
-  };
-  add("t", "F64", &HitColumns::t);
-  if (has(fields, HitField::kInstanceId)) add("instance_id", "U32", &HitColumns::instance_id);
-  if (has(fields, HitField::kMeshId)) add("mesh_id", "U32", &HitColumns::mesh_id);
-  if (has(fields, HitField::kPrimitiveId)) add("primitive_id", "U32", &HitColumns::primitive_id);
-  if (has(fields, HitField::kUv)) add("uv", "F32", &HitColumns::uv, 2);
-  if (has(fields, HitField::kNormal)) add("normal", "F32", &HitColumns::normal, 3);
-  if (has(fields, HitField::kTError)) add("t_error", "F64", &HitColumns::t_error);
-  add("status", "U8", &HitColumns::status);
-}
-
-BinaryBody write_hits_binary(std::span<const HitColumns> pieces, const ReplyHead& head) {
-  ColumnTable table;
-  add_hit_columns(table, pieces, head.fields);
-  return std::move(table).finish(head);
+void add_hit_columns(ColumnTable& table, const HitColumns& hits, HitField fields) {
+  table.add("t", hits.t);
+  if (has(fields, HitField::kInstanceId)) table.add("instance_id", hits.instance_id);
+  if (has(fields, HitField::kMeshId)) table.add("mesh_id", hits.mesh_id);
+  if (has(fields, HitField::kPrimitiveId)) table.add("primitive_id", hits.primitive_id);
+  if (has(fields, HitField::kUv)) table.add("uv", hits.uv, 2);
+  if (has(fields, HitField::kNormal)) table.add("normal", hits.normal, 3);
+  if (has(fields, HitField::kTError)) table.add("t_error", hits.t_error);
 }
 
 BinaryBody write_hits_binary(const HitColumns& hits, const ReplyHead& head) {
-  return write_hits_binary(std::span(&hits, 1), head);
-}
-
-BinaryBody write_occlusion_binary(std::span<const std::vector<RayStatus>> pieces, const ReplyHead& head) {
   ColumnTable table;
-  add_column(
-      table, "status", "U8", pieces, [](const auto& status) -> auto& { return status; }, 1);
+  add_hit_columns(table, hits, head.fields);
+  table.add("status", hits.status);
   return std::move(table).finish(head);
 }
 
 BinaryBody write_occlusion_binary(std::span<const RayStatus> status, const ReplyHead& head) {
   ColumnTable table;
-  table.add("status", "U8", to_bytes(status), status.size(), 1);
+  table.add("status", status);
   return std::move(table).finish(head);
 }
 

@@ -29,9 +29,6 @@ struct RayStats {
   std::size_t invalid = 0;
   double trace_ms = 0.0;
   std::optional<RayPlan> plan;
-
-  /// Counts of another part of the same batch; the plan stays.
-  RayStats& operator+=(const RayStats& part);
 };
 [[nodiscard]] RayStats count_statuses(std::span<const RayStatus> status, double trace_ms);
 
@@ -66,11 +63,7 @@ struct BinaryBody {
 
 /// A miss is t = t_error = +Inf, ids 0xFFFFFFFF, uv and normal 0. Valid as long as `hits` is.
 [[nodiscard]] BinaryBody write_hits_binary(const HitColumns& hits, const ReplyHead& head);
-/// The same of answers in pieces, one after the other; all but the last have a multiple of 8 rows.
-[[nodiscard]] BinaryBody write_hits_binary(std::span<const HitColumns> pieces, const ReplyHead& head);
 /// One column `status` (U8).
 [[nodiscard]] BinaryBody write_occlusion_binary(std::span<const RayStatus> status, const ReplyHead& head);
-[[nodiscard]] BinaryBody write_occlusion_binary(std::span<const std::vector<RayStatus>> pieces,
-                                                const ReplyHead& head);
 
 }  // namespace gridcast::proto

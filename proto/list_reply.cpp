@@ -37,13 +37,7 @@ std::string write_lists_json(const HitLists& lists, const ReplyHead& head) {
 BinaryBody write_lists_binary(const HitLists& lists, const ReplyHead& head) {
   ColumnTable table;
   table.add("splits", lists.splits);
-  table.add("t", lists.hits.t);
-  if (has(head.fields, HitField::kInstanceId)) table.add("instance_id", lists.hits.instance_id);
-  if (has(head.fields, HitField::kMeshId)) table.add("mesh_id", lists.hits.mesh_id);
-  if (has(head.fields, HitField::kPrimitiveId)) table.add("primitive_id", lists.hits.primitive_id);
-  if (has(head.fields, HitField::kUv)) table.add("uv", lists.hits.uv, 2);
-  if (has(head.fields, HitField::kNormal)) table.add("normal", lists.hits.normal, 3);
-  if (has(head.fields, HitField::kTError)) table.add("t_error", lists.hits.t_error);
+  add_hit_columns(table, lists.hits, head.fields);
   table.add("status", lists.status);
   return std::move(table).finish(head);
 }

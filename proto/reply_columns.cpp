@@ -56,17 +56,13 @@ void write_end(JsonText& text, const ReplyHead& head) {
   text.raw("}");
 }
 
-void ColumnTable::add_pieces(std::string_view name, std::string_view dtype,
-                             std::span<const std::span<const std::byte>> pieces, std::size_t rows,
-                             std::size_t width) {
+void ColumnTable::add(std::string_view name, std::string_view dtype, std::span<const std::byte> values,
+                      std::size_t rows, std::size_t width) {
   const std::size_t gap = (kAlignment - end_ % kAlignment) % kAlignment;
   if (gap != 0) body_.chunks.push_back(std::span(kZeros).first(gap));
   const std::size_t begin = end_ + gap;
-  end_ = begin;
-  for (const auto& bytes : pieces) {
-    end_ += bytes.size();
-    body_.chunks.push_back(bytes);
-  }
+  end_ = begin + values.size();
+  body_.chunks.push_back(values);
   auto& entry = head_[std::string(name)];
   entry["dtype"] = dtype;
   entry["shape"] = width == 1 ? nlohmann::ordered_json{rows} : nlohmann::ordered_json{rows, width};

@@ -66,8 +66,8 @@ void write_list(JsonText& text, std::string_view name, std::size_t count, Write 
 }
 
 /// A number, or `width` of them in brackets.
-template <class T>
-void write_row(JsonText& text, const std::vector<T>& values, std::size_t i, std::size_t width) {
+template <class Values>
+void write_row(JsonText& text, const Values& values, std::size_t i, std::size_t width) {
   if (width == 1) return text.number(values[i]);
   for (std::size_t c = 0; c < width; ++c) {
     text.raw(c == 0 ? "[" : ",");
@@ -77,8 +77,8 @@ void write_row(JsonText& text, const std::vector<T>& values, std::size_t i, std:
 }
 
 /// `,"name":[v,v,...]`, all there are.
-template <class T>
-void write_all(JsonText& text, std::string_view name, const std::vector<T>& values, std::size_t width = 1) {
+template <class Values>
+void write_all(JsonText& text, std::string_view name, const Values& values, std::size_t width = 1) {
   write_list(text, name, values.size() / width, [&](std::size_t i) { write_row(text, values, i, width); });
 }
 
@@ -101,30 +101,23 @@ void write_column(JsonText& text, std::string_view name, const std::vector<RaySt
     write(i);
   });
 }
-template <class T>
+template <class Values>
 void write_values(JsonText& text, std::string_view name, const std::vector<RayStatus>& status,
-                  const std::vector<T>& values, std::size_t width) {
+                  const Values& values, std::size_t width) {
   write_column(text, name, status, [&](std::size_t i) { write_row(text, values, i, width); });
 }
 
 /// Collects columns, each starting at a multiple of kAlignment, and describes them for the head.
 class ColumnTable {
  public:
-  template <class T>
-  void add(std::string_view name, std::string_view dtype, std::span<const T> values, std::size_t rows,
-           std::size_t width) {
-    const std::span<const std::byte> whole = std::as_bytes(values);
-    add_pieces(name, dtype, {&whole, 1}, rows, width);
-  }
+  void add(std::string_view name, std::string_view dtype, std::span<const std::byte> values, std::size_t rows,
+           std::size_t width);
   /// A column that names its type and the number of its rows itself.
-  template <class T>
-  void add(std::string_view name, const std::vector<T>& values, std::size_t width = 1) {
-    add(name, dtype_of<T>(), std::span(values), values.size() / width, width);
+  template <class Values>
+  void add(std::string_view name, const Values& values, std::size_t width = 1) {
+    add(name, dtype_of<typename Values::value_type>(), std::as_bytes(std::span(values)),
+        values.size() / width, width);
   }
-
-  /// A column of `rows` rows that lies in pieces.
-  void add_pieces(std::string_view name, std::string_view dtype,
-                  std::span<const std::span<const std::byte>> pieces, std::size_t rows, std::size_t width);
 
   BinaryBody finish(const ReplyHead& head) &&;
 
@@ -144,15 +137,9 @@ class ColumnTable {
   std::size_t end_ = 0;
 };
 
-/// Statuses as the bytes they are on the wire.
-inline std::span<const std::uint8_t> to_bytes(std::span<const RayStatus> status) {
-  static_assert(sizeof(RayStatus) == 1);
-  return {reinterpret_cast<const std::uint8_t*>(status.data()), status.size()};
-}
-
-/// The columns of hits that a reply is asked for, but for `status` in JSON: see write_hits_json and
+/// The columns of hits that a reply is asked for, but for `status`: see write_hits_json and
 /// write_hits_binary.
 void write_hit_columns(JsonText& text, const HitColumns& hits, HitField fields);
-void add_hit_columns(ColumnTable& table, std::span<const HitColumns> pieces, HitField fields);
+void add_hit_columns(ColumnTable& table, const HitColumns& hits, HitField fields);
 
 }  // namespace gridcast::proto

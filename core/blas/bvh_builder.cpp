@@ -7,7 +7,7 @@
 #include "core/blas/bvh_subtree.h"
 #include "core/blas/cost_model.h"
 #include "core/blas/spatial_split.h"
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 namespace {

@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "core/blas/uninitialized_allocator.h"
 #include "core/math/bounds.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 

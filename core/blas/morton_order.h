@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/blas/build_reference.h"
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 

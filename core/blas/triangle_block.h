@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 #include "core/math/vec.h"
 
 namespace gridcast::blas {

@@ -14,7 +14,7 @@
 #include "core/blas/point_sink.h"
 #include "core/blas/tree_bytes.h"
 #include "core/blas/triangle_block.h"
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/blas/bvh_node.h"
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::blas {
 

@@ -9,6 +9,7 @@
 
 #include "core/math/hit.h"
 #include "core/math/ray.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast {
 
@@ -73,18 +74,23 @@ inline constexpr bool has(HitField set, HitField one) {
   return (std::uint16_t(set) & std::uint16_t(one)) != 0;
 }
 
+/// A column of many answers: see UninitializedAllocator.
+template <class T>
+using Column = std::vector<T, UninitializedAllocator<T>>;
+
 /// Answers in the order of the rays. A miss: t = t_error = +inf, ids = kInvalidId, uv and normal 0. Columns
 /// not asked for stay empty.
 struct HitColumns {
   std::vector<RayStatus> status;
-  std::vector<double> t;
-  std::vector<float> uv;      ///< [N, 2]
-  std::vector<float> normal;  ///< [N, 3], unit, world space
-  std::vector<std::uint32_t> instance_id;
-  std::vector<std::uint32_t> mesh_id;
-  std::vector<std::uint32_t> primitive_id;
-  std::vector<double> t_error;  ///< certified bound of |t - exact t|; +inf where there is none
+  Column<double> t;
+  Column<float> uv;      ///< [N, 2]
+  Column<float> normal;  ///< [N, 3], unit, world space
+  Column<std::uint32_t> instance_id;
+  Column<std::uint32_t> mesh_id;
+  Column<std::uint32_t> primitive_id;
+  Column<double> t_error;  ///< certified bound of |t - exact t|; +inf where there is none
 
+  /// `n` misses.
   void resize(std::size_t n, HitField fields) {
     status.assign(n, RayStatus::kMiss);
     t.assign(n, std::numeric_limits<double>::infinity());
@@ -94,6 +100,18 @@ struct HitColumns {
     mesh_id.assign(has(fields, HitField::kMeshId) ? n : 0, kInvalidId);
     primitive_id.assign(has(fields, HitField::kPrimitiveId) ? n : 0, kInvalidId);
     t_error.assign(has(fields, HitField::kTError) ? n : 0, std::numeric_limits<double>::infinity());
+  }
+
+  /// Room for `n` rows, each of which is still to be written: what they are until then means nothing.
+  void make_room(std::size_t n, HitField fields) {
+    status.resize(n);
+    t.resize(n);
+    uv.resize(has(fields, HitField::kUv) ? 2 * n : 0);
+    normal.resize(has(fields, HitField::kNormal) ? 3 * n : 0);
+    instance_id.resize(has(fields, HitField::kInstanceId) ? n : 0);
+    mesh_id.resize(has(fields, HitField::kMeshId) ? n : 0);
+    primitive_id.resize(has(fields, HitField::kPrimitiveId) ? n : 0);
+    t_error.resize(has(fields, HitField::kTError) ? n : 0);
   }
 
   /// Writes row i; each row is written by one thread.

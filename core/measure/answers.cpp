@@ -12,7 +12,7 @@ namespace {
 constexpr double kLooseT = 1e-3;
 
 template <class T>
-bool same_row(const std::vector<T>& a, const std::vector<T>& b, std::size_t row, std::size_t width) {
+bool same_row(const Column<T>& a, const Column<T>& b, std::size_t row, std::size_t width) {
   return std::memcmp(a.data() + row * width, b.data() + row * width, width * sizeof(T)) == 0;
 }
 

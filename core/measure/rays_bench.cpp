@@ -134,7 +134,7 @@ class RaysOfScene {
       for (std::size_t i = 0; i < contenders_.size(); ++i) {
         Contender& contender = contenders_[i];
         scratch_ = {};
-        if (contender.row.entry != "batch") scratch_.resize(rays.size(), query_of(rays.kind));
+        scratch_.resize(rays.size(), query_of(rays.kind));
         arena.execute(contender.lead_in);
         const double taken = seconds(clock_for(threads), [&] { arena.execute(contender.run); });
         if (options_.stop.stop_requested()) return cancelled();
@@ -236,10 +236,11 @@ class RaysOfScene {
 
   void trace_batch(const scene::Scene& scene, const RaySet& rays, Precision precision) {
     const scene::TraceOptions options{precision, HitField::kAll, options_.stop, {}};
+    // Into memory that is there already, as Embree's answers go: what is stopped is not looked at.
     if (query_of(rays.kind) == QueryKind::kAny) {
-      if (auto answer = scene::occluded(scene, rays.batch(), options)) scratch_.occluded = *std::move(answer);
-    } else if (auto answer = scene::intersect(scene, rays.batch(), options)) {
-      scratch_.hits = *std::move(answer);
+      (void)scene::occluded_into(scene, rays.batch(), options, scratch_.occluded);
+    } else {
+      (void)scene::intersect_into(scene, rays.batch(), options, scratch_.hits, 0);
     }
   }
 

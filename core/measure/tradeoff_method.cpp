@@ -45,10 +45,10 @@ class OurMethod final : public TradeoffMethod {
       return reported;
     }
     reported.hit = hits_of(hits_.status);
-    reported.t = std::move(hits_.t);
-    reported.instance_id = std::move(hits_.instance_id);
-    reported.primitive_id = std::move(hits_.primitive_id);
-    reported.t_error = std::move(hits_.t_error);
+    reported.t.assign(hits_.t.begin(), hits_.t.end());
+    reported.instance_id.assign(hits_.instance_id.begin(), hits_.instance_id.end());
+    reported.primitive_id.assign(hits_.primitive_id.begin(), hits_.primitive_id.end());
+    reported.t_error.assign(hits_.t_error.begin(), hits_.t_error.end());
     return reported;
   }
 

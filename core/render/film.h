@@ -4,13 +4,13 @@
 #include <string>
 #include <vector>
 
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::render {
 
 /// Samples of a whole picture: hundreds of megabytes, which resize() leaves to the threads that paint them.
 template <class T>
-using Samples = std::vector<T, blas::UninitializedAllocator<T>>;
+using Samples = std::vector<T, UninitializedAllocator<T>>;
 
 /// One layer of a picture: float or integer samples, row by row from the top, `channels` interleaved.
 struct Layer {

@@ -63,42 +63,24 @@ Status for_each_piece(const MadeRays& rays, const Trace& trace) {
   return ok_status();
 }
 
-/// Hands every piece, with its options, to `trace`, and its answer to `keep(first ray, answer)`.
-template <class Trace, class Keep>
-Status trace_pieces(const MadeRays& rays, const TraceOptions& options, const Trace& trace, const Keep& keep) {
+/// Hands every piece to `trace(batch, first ray, options of the piece)`.
+template <class Trace>
+Status trace_pieces(const MadeRays& rays, const TraceOptions& options, const Trace& trace) {
   TraceStats sum, piece;
   Status traced = for_each_piece(rays, [&](const RayBatch& batch, std::size_t begin) -> Status {
     TraceOptions of_piece = options;
     of_piece.progress = progress_of(options.progress, begin, batch.size(), rays.count);
     of_piece.stats = &piece;
-    const auto answer = trace(batch, of_piece);
-    if (!answer) return answer.error();
-    keep(begin, *answer);
-    add(piece, sum);
-    return ok_status();
+    Status done = trace(batch, begin, of_piece);
+    if (done) add(piece, sum);
+    return done;
   });
   if (options.stats != nullptr) *options.stats = std::move(sum);
   return traced;
 }
 
-template <class T>
-void put(const std::vector<T>& part, std::size_t row, std::vector<T>& whole, std::size_t width = 1) {
-  std::copy(part.begin(), part.end(), whole.begin() + std::ptrdiff_t(row * width));
-}
-
-void put(const HitColumns& part, std::size_t row, HitColumns& whole) {
-  put(part.status, row, whole.status);
-  put(part.t, row, whole.t);
-  if (!whole.uv.empty()) put(part.uv, row, whole.uv, 2);
-  if (!whole.normal.empty()) put(part.normal, row, whole.normal, 3);
-  if (!whole.instance_id.empty()) put(part.instance_id, row, whole.instance_id);
-  if (!whole.mesh_id.empty()) put(part.mesh_id, row, whole.mesh_id);
-  if (!whole.primitive_id.empty()) put(part.primitive_id, row, whole.primitive_id);
-  if (!whole.t_error.empty()) put(part.t_error, row, whole.t_error);
-}
-
-template <class T>
-void append(const std::vector<T>& part, std::vector<T>& whole) {
+template <class T, class Allocator>
+void append(const std::vector<T, Allocator>& part, std::vector<T, Allocator>& whole) {
   whole.insert(whole.end(), part.begin(), part.end());
 }
 
@@ -123,11 +105,11 @@ Error out_of_memory() {
 
 Result<HitColumns> intersect(const Scene& scene, const MadeRays& rays, const TraceOptions& options) try {
   HitColumns hits;
-  hits.resize(rays.count, options.fields);
-  const Status traced = trace_pieces(
-      rays, options,
-      [&](const RayBatch& batch, const TraceOptions& piece) { return intersect(scene, batch, piece); },
-      [&](std::size_t row, const HitColumns& part) { put(part, row, hits); });
+  hits.make_room(rays.count, options.fields);
+  const Status traced =
+      trace_pieces(rays, options, [&](const RayBatch& batch, std::size_t begin, const TraceOptions& piece) {
+        return intersect_into(scene, batch, piece, hits, begin);
+      });
   if (!traced) return traced.error();
   return hits;
 } catch (const std::bad_alloc&) {
@@ -137,10 +119,10 @@ Result<HitColumns> intersect(const Scene& scene, const MadeRays& rays, const Tra
 Result<std::vector<RayStatus>> occluded(const Scene& scene, const MadeRays& rays,
                                         const TraceOptions& options) try {
   std::vector<RayStatus> status(rays.count, RayStatus::kMiss);
-  const Status traced = trace_pieces(
-      rays, options,
-      [&](const RayBatch& batch, const TraceOptions& piece) { return occluded(scene, batch, piece); },
-      [&](std::size_t row, const std::vector<RayStatus>& part) { put(part, row, status); });
+  const Status traced =
+      trace_pieces(rays, options, [&](const RayBatch& batch, std::size_t begin, const TraceOptions& piece) {
+        return occluded_into(scene, batch, piece, std::span(status).subspan(begin, batch.size()));
+      });
   if (!traced) return traced.error();
   return status;
 } catch (const std::bad_alloc&) {

@@ -7,7 +7,6 @@
 #include <tbb/blocked_range.h>
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_invoke.h>
 
 #include "core/scene/batch_trace.h"
 #include "core/scene/geometric_normal.h"
@@ -74,22 +73,6 @@ bool trace_batch(const Scene& scene, const RayBatch& rays, const RayOrder& order
   return done == count;
 }
 
-/// HitColumns::resize, the columns side by side: for a million rays it takes 10 ms, most of them the system's
-/// for new pages, which one thread would spend while the others wait. The values are those of new elements:
-/// every row is written by the trace.
-void make_room(HitColumns& hits, std::size_t rays, HitField fields) {
-  constexpr std::size_t kFewRays = 32768;
-  if (rays < kFewRays) return hits.resize(rays, fields);
-  const auto column = [&](HitField field, auto& values, std::size_t width) {
-    return [&values, size = has(fields, field) ? width * rays : 0] { values.resize(size); };
-  };
-  tbb::parallel_invoke(
-      column(HitField::kNormal, hits.normal, 3), [&] { hits.t.resize(rays); },
-      column(HitField::kUv, hits.uv, 2), column(HitField::kTError, hits.t_error, 1),
-      column(HitField::kInstanceId, hits.instance_id, 1), column(HitField::kMeshId, hits.mesh_id, 1),
-      column(HitField::kPrimitiveId, hits.primitive_id, 1), [&] { hits.status.resize(rays); });
-}
-
 Error cancelled() {
   return {ErrorCode::kCancelled, "the trace was cancelled", ""};
 }
@@ -151,24 +134,26 @@ void keep_run(const Scene& scene, const RayRun& run, HitField fields, std::size_
 }
 
 template <Precision kPrecision>
-bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits) {
+bool intersect_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits,
+                   std::size_t first) {
   TraceStats stats;
   const RayOrder order = choose_order(scene, rays, stats);
-  const auto trace_into = [&](auto& rows) {
-    return trace_batch<kPrecision, false>(
-        scene, rays, order, options, stats,
-        [&](const RayRun& run, std::size_t begin) { keep_run(scene, run, options.fields, begin, rows); });
+  const auto trace_into = [&](auto& rows, std::size_t row) {
+    return trace_batch<kPrecision, false>(scene, rays, order, options, stats,
+                                          [&](const RayRun& run, std::size_t begin) {
+                                            keep_run(scene, run, options.fields, row + begin, rows);
+                                          });
   };
-  if (order.permutation.empty()) return trace_into(hits);
+  if (order.permutation.empty()) return trace_into(hits, first);
   TracedRows rows(rays.size());
-  if (!trace_into(rows)) return false;
-  rows.put_into(hits, order.places);
+  if (!trace_into(rows, 0)) return false;
+  rows.put_into(hits, first, order.places);
   return true;
 }
 
 template <Precision kPrecision>
 bool occluded_all(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
-                  std::vector<RayStatus>& status) {
+                  std::span<RayStatus> status) {
   TraceStats stats;
   const RayOrder order = choose_order(scene, rays, stats);
   const auto keep = [&](const RayRun& run, std::size_t begin) {
@@ -194,13 +179,30 @@ RayStatus occluded(const Scene& scene, const Ray& ray, Precision precision, Prim
                        [&]<Precision kPrecision>() { return occluded_one<kPrecision>(scene, ray, filter); });
 }
 
+Status intersect_into(const Scene& scene, const RayBatch& rays, const TraceOptions& options, HitColumns& hits,
+                      std::size_t first) try {
+  const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
+    return intersect_all<kPrecision>(scene, rays, options, hits, first);
+  });
+  return whole ? ok_status() : Status(cancelled());
+} catch (const std::bad_alloc&) {
+  return out_of_memory();
+}
+
+Status occluded_into(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
+                     std::span<RayStatus> status) try {
+  const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
+    return occluded_all<kPrecision>(scene, rays, options, status);
+  });
+  return whole ? ok_status() : Status(cancelled());
+} catch (const std::bad_alloc&) {
+  return out_of_memory();
+}
+
 Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const TraceOptions& options) try {
   HitColumns hits;
-  make_room(hits, rays.size(), options.fields);
-  const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
-    return intersect_all<kPrecision>(scene, rays, options, hits);
-  });
-  if (!whole) return cancelled();
+  hits.make_room(rays.size(), options.fields);
+  if (Status traced = intersect_into(scene, rays, options, hits, 0); !traced) return traced.error();
   return hits;
 } catch (const std::bad_alloc&) {
   return out_of_memory();
@@ -209,10 +211,7 @@ Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays, const Tra
 Result<std::vector<RayStatus>> occluded(const Scene& scene, const RayBatch& rays,
                                         const TraceOptions& options) try {
   std::vector<RayStatus> status(rays.size(), RayStatus::kMiss);
-  const bool whole = for_precision(options.precision, [&]<Precision kPrecision>() {
-    return occluded_all<kPrecision>(scene, rays, options, status);
-  });
-  if (!whole) return cancelled();
+  if (Status traced = occluded_into(scene, rays, options, status); !traced) return traced.error();
   return status;
 } catch (const std::bad_alloc&) {
   return out_of_memory();

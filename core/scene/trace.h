@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <span>
 #include <stop_token>
 #include <vector>
 
@@ -29,10 +31,19 @@ struct TraceOptions {
   InstanceMask mask = kFullMask;  ///< which instances the rays see
 };
 
-/// A batch over all cores, answers in the order of the rays. Only error: kCancelled.
+/// A batch over all cores, answers in the order of the rays. Errors: kCancelled; kLimitExceeded where memory
+/// is not enough.
 [[nodiscard]] Result<HitColumns> intersect(const Scene& scene, const RayBatch& rays,
                                            const TraceOptions& options);
 [[nodiscard]] Result<std::vector<RayStatus>> occluded(const Scene& scene, const RayBatch& rays,
                                                       const TraceOptions& options);
+
+/// The same into rows `first` and on of columns that have room for them, and options.fields; after an error
+/// those rows mean nothing. For batches that come in pieces, and for callers that keep their memory.
+[[nodiscard]] Status intersect_into(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
+                                    HitColumns& hits, std::size_t first);
+/// Into as many statuses as there are rays.
+[[nodiscard]] Status occluded_into(const Scene& scene, const RayBatch& rays, const TraceOptions& options,
+                                   std::span<RayStatus> status);
 
 }  // namespace gridcast::scene

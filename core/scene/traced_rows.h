@@ -10,8 +10,8 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
-#include "core/blas/uninitialized_allocator.h"
 #include "core/math/ray_batch.h"
+#include "core/math/uninitialized_allocator.h"
 
 namespace gridcast::scene {
 
@@ -30,13 +30,13 @@ class TracedRows {
   }
   void set_normal(std::size_t i, const Vec3d& unit) { rows_[i].normal = Vec3f(unit); }
 
-  /// Row k of `hits` becomes row places[k] of these. In parallel on the calling arena.
-  void put_into(HitColumns& hits, std::span<const std::uint32_t> places) const {
+  /// Row first + k of `hits` becomes row places[k] of these. In parallel on the calling arena.
+  void put_into(HitColumns& hits, std::size_t first, std::span<const std::uint32_t> places) const {
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, places.size(), kRowsPerTask),
                       [&](const tbb::blocked_range<std::size_t>& range) {
                         for (std::size_t k = range.begin(); k != range.end(); ++k) {
                           __builtin_prefetch(&rows_[places[std::min(k + kAhead, places.size() - 1)]]);
-                          hits.set(k, surface_hit(rows_[places[k]]));
+                          hits.set(first + k, surface_hit(rows_[places[k]]));
                         }
                       });
   }
@@ -66,7 +66,7 @@ class TracedRows {
     return hit;
   }
 
-  std::vector<Row, blas::UninitializedAllocator<Row>> rows_;
+  std::vector<Row, UninitializedAllocator<Row>> rows_;
 };
 
 }  // namespace gridcast::scene

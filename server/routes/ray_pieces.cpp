@@ -13,7 +13,8 @@ namespace {
 using proto::Problem;
 using proto::RayQuestion;
 
-// Some milliseconds of work; 2 MB of rows that stay in the caches between the socket and the trace.
+// Some milliseconds of work; 2 MB of rows that stay in the caches between the socket and the trace. The
+// answers of all go into columns of the whole batch, whose memory comes in large pages, and comes as rays do.
 constexpr std::size_t kRaysPerPiece = std::size_t(1) << 16;
 
 /// Which way the batch is traced, by a look at its first rays: sorting goes over all of them.
@@ -22,22 +23,30 @@ bool comes_in_order(const scene::Scene& scene, const RayBatch& first) {
   return choose_order(scene, first, look).kind == scene::RayOrderKind::kAsGiven;
 }
 
-Result<HitColumns> trace(const scene::Scene& scene, const RayBatch& rays, const scene::TraceOptions& options,
-                         HitColumns* /*answer*/) {
-  return intersect(scene, rays, options);
+void make_room(HitColumns& hits, std::size_t rays, HitField fields) {
+  hits.make_room(rays, fields);
 }
-Result<std::vector<RayStatus>> trace(const scene::Scene& scene, const RayBatch& rays,
-                                     const scene::TraceOptions& options, std::vector<RayStatus>* /*answer*/) {
-  return occluded(scene, rays, options);
+void make_room(std::vector<RayStatus>& status, std::size_t rays, HitField /*fields*/) {
+  status.resize(rays);
 }
 
-/// One batch on its way. `Answer` is that of one piece.
+Status trace(const scene::Scene& scene, const RayBatch& rays, const scene::TraceOptions& options,
+             HitColumns& hits, std::size_t first) {
+  return intersect_into(scene, rays, options, hits, first);
+}
+Status trace(const scene::Scene& scene, const RayBatch& rays, const scene::TraceOptions& options,
+             std::vector<RayStatus>& status, std::size_t first) {
+  return occluded_into(scene, rays, options, std::span(status).subspan(first, rays.size()));
+}
+
+/// One batch on its way.
 template <class Answer>
 class PieceByPiece {
  public:
   PieceByPiece(const RayReply& to, const scene::Scene& scene, const proto::RayRequest& rays,
-               IncomingBody& incoming)
+               std::size_t count, IncomingBody& incoming)
       : to_(to), scene_(scene), rays_(rays), incoming_(incoming) {
+    make_room(answer_, count, rays.options.fields);
     options_.precision = rays.options.precision;
     options_.fields = rays.options.fields;
     options_.mask = rays.options.mask;
@@ -62,7 +71,7 @@ class PieceByPiece {
     to_.timing.add("receive", receive_ms_);
     to_.timing.add("wait", wait_ms_);
     to_.timing.add("trace", trace_ms_);
-    return reply_in_pieces(to_, std::move(answers_), traced_, trace_ms_);
+    return reply_in_binary(to_, std::move(answer_), &traced_, trace_ms_);
   }
 
  private:
@@ -75,12 +84,12 @@ class PieceByPiece {
     const Clock::time_point begun = Clock::now();
     scene::TraceStats traced;
     options_.stats = &traced;
-    auto answer =
-        trace(scene_, {bytes, rays_.scalar, rays_.columns, {}}, options_, static_cast<Answer*>(nullptr));
+    const RayBatch piece{bytes, rays_.scalar, rays_.columns, {}};
+    const Status done = trace(scene_, piece, options_, answer_, begin_);
     wait_ms_ += ms_between(before, begun);
     trace_ms_ += ms_between(begun, Clock::now());
-    if (!answer) return problem_of(answer.error(), proto::ErrorContext::kQuery, to_.cancellation);
-    answers_.push_back(std::move(answer).value());
+    if (!done) return problem_of(done.error(), proto::ErrorContext::kQuery, to_.cancellation);
+    begin_ += piece.size();
     traced_.packet_rays += traced.packet_rays;
     traced_.single_rays += traced.single_rays;
     traced_.order_ms += traced.order_ms;
@@ -95,7 +104,8 @@ class PieceByPiece {
   scene::TraceOptions options_;
   scene::TraceStats traced_;
   std::optional<WorkGate::Permit> permit_;
-  std::vector<Answer> answers_;
+  Answer answer_;
+  std::size_t begin_ = 0;  ///< of the next piece
   double receive_ms_ = 0.0, wait_ms_ = 0.0, trace_ms_ = 0.0;
 };
 
@@ -127,8 +137,8 @@ std::optional<HttpResponse> cast_in_pieces(Api& api, const HttpRequest& request,
   if (const auto problem = access::charge_rays(request, double(count))) return problem_response(*problem);
   const RayReply to{api, scene.version(), rays->options, ReplyFormat::kBinary, cancellation, timing};
   if (question == RayQuestion::kAny)
-    return PieceByPiece<std::vector<RayStatus>>(to, scene, *rays, incoming).run(begun, receive_ms);
-  return PieceByPiece<HitColumns>(to, scene, *rays, incoming).run(begun, receive_ms);
+    return PieceByPiece<std::vector<RayStatus>>(to, scene, *rays, count, incoming).run(begun, receive_ms);
+  return PieceByPiece<HitColumns>(to, scene, *rays, count, incoming).run(begun, receive_ms);
 }
 
 std::optional<Problem> read_rest(IncomingBody& incoming, std::string& body) {

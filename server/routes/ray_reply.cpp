@@ -52,10 +52,7 @@ HttpResponse binary_response(proto::BinaryBody body, std::shared_ptr<const void>
 
 HttpResponse reply(const RayReply& to, Result<HitColumns>&& hits, const scene::TraceStats* traced) {
   if (!hits || to.format == ReplyFormat::kJson) return reply<HitColumns>(to, hits, traced);
-  const double trace_ms = to.timing.mark("trace");
-  std::vector<HitColumns> pieces;
-  pieces.push_back(std::move(hits).value());
-  return reply_in_pieces(to, std::move(pieces), traced != nullptr ? *traced : scene::TraceStats{}, trace_ms);
+  return reply_in_binary(to, std::move(hits).value(), traced, to.timing.mark("trace"));
 }
 
 }  // namespace gridcast::server

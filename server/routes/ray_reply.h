@@ -3,8 +3,8 @@
 
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -34,13 +34,12 @@ struct RayReply {
 [[nodiscard]] std::string encode(const HitLists& lists, const proto::ReplyHead& head, ReplyFormat format);
 [[nodiscard]] std::string encode(const HitCounts& counts, const proto::ReplyHead& head, ReplyFormat format);
 
-[[nodiscard]] inline proto::BinaryBody write_binary(std::span<const HitColumns> pieces,
-                                                    const proto::ReplyHead& head) {
-  return write_hits_binary(pieces, head);
+[[nodiscard]] inline proto::BinaryBody write_binary(const HitColumns& hits, const proto::ReplyHead& head) {
+  return write_hits_binary(hits, head);
 }
-[[nodiscard]] inline proto::BinaryBody write_binary(std::span<const std::vector<RayStatus>> pieces,
+[[nodiscard]] inline proto::BinaryBody write_binary(const std::vector<RayStatus>& status,
                                                     const proto::ReplyHead& head) {
-  return write_occlusion_binary(pieces, head);
+  return write_occlusion_binary(status, head);
 }
 
 [[nodiscard]] proto::RayPlan plan_of(const scene::TraceStats& traced);
@@ -58,37 +57,35 @@ inline const std::vector<RayStatus>& statuses(const std::vector<RayStatus>& stat
 [[nodiscard]] HttpResponse binary_response(proto::BinaryBody body, std::shared_ptr<const void> owner,
                                            const RayReply& to);
 
-/// The answers of one batch in the pieces that it was traced in, in binary. `traced` is of all of them.
+/// The head of an answer, which is counted. `traced` is null where rays are taken as they come.
 template <class Answer>
-HttpResponse reply_in_pieces(const RayReply& to, std::vector<Answer> answers, const scene::TraceStats& traced,
-                             double trace_ms) {
-  const auto pieces = std::make_shared<const std::vector<Answer>>(std::move(answers));
-  std::size_t rays = 0;
-  for (const Answer& piece : *pieces) rays += statuses(piece).size();
-  to.api.metrics.count_rays(rays, trace_ms);
+proto::ReplyHead head_of(const RayReply& to, const Answer& answer, const scene::TraceStats* traced,
+                         double trace_ms) {
+  to.api.metrics.count_rays(statuses(answer).size(), trace_ms);
   proto::ReplyHead head{to.version, to.options.fields, std::nullopt};
   if (to.options.stats == proto::StatsMode::kOn) {
-    head.stats.emplace().trace_ms = trace_ms;
-    for (const Answer& piece : *pieces) *head.stats += proto::count_statuses(statuses(piece), 0.0);
-    head.stats->plan = plan_of(traced);
+    head.stats = proto::count_statuses(statuses(answer), trace_ms);
+    if (traced != nullptr) head.stats->plan = plan_of(*traced);
   }
-  return binary_response(write_binary(std::span(*pieces), head), pieces, to);
+  return head;
 }
 
-/// `traced` is null where rays are taken as they come; `write(answer, head, format)` makes the body.
+/// In binary, without a copy where it is large.
+template <class Answer>
+HttpResponse reply_in_binary(const RayReply& to, Answer&& answer, const scene::TraceStats* traced,
+                             double trace_ms) {
+  const auto columns = std::make_shared<const std::decay_t<Answer>>(std::forward<Answer>(answer));
+  return binary_response(write_binary(*columns, head_of(to, *columns, traced, trace_ms)), columns, to);
+}
+
+/// `write(answer, head, format)` makes the body.
 template <class Answer, class Write>
 HttpResponse reply_with(const RayReply& to, const Result<Answer>& answer, const scene::TraceStats* traced,
                         const Write& write) {
   const double trace_ms = to.timing.mark("trace");
   if (!answer)
     return problem_response(problem_of(answer.error(), proto::ErrorContext::kQuery, to.cancellation));
-  to.api.metrics.count_rays(statuses(*answer).size(), trace_ms);
-  proto::ReplyHead head{to.version, to.options.fields, std::nullopt};
-  if (to.options.stats == proto::StatsMode::kOn) {
-    head.stats = proto::count_statuses(statuses(*answer), trace_ms);
-    if (traced != nullptr) head.stats->plan = plan_of(*traced);
-  }
-  std::string body = write(*answer, head, to.format);
+  std::string body = write(*answer, head_of(to, *answer, traced, trace_ms), to.format);
   to.timing.mark("encode");
   return columns_response(std::move(body), to.format, to.version, to.timing);
 }

@@ -1,5 +1,7 @@
 #include "core/mesh/object_ray.h"
 
+#include <tuple>
+
 #include <gtest/gtest.h>
 
 #include "core/mesh/triangle_test.h"
@@ -95,6 +97,39 @@ TEST(IntersectBox, an_outer_box_never_fails_nor_enters_later_than_one_inside_it)
     ASSERT_TRUE(intersect_box(ray, outer.lower, outer.upper, s_far, outer_enter));
     ASSERT_LE(outer_enter, inner_enter);
   }
+}
+
+TEST(ObjectRay, a_world_ray_and_an_instance_are_the_ray_in_object_space_bit_for_bit) {
+  const TriangleMesh mesh = test::icosphere(2);
+  Random random(test::seed_or(23));
+  int met = 0;
+  for (int i = 0; i < 20000; ++i) {
+    Affine world_from_object;
+    for (int axis = 0; axis < 3; ++axis) world_from_object.linear[axis] = random.in_box(2.0);
+    world_from_object.translation = random.in_box(100.0);
+    const InstanceTransform transform(world_from_object);
+    if (!transform.active()) continue;
+    const Ray object = aimed_ray(random, mesh);
+    const Ray world{world_from_object.linear * object.origin + world_from_object.translation,
+                    world_from_object.linear * object.direction,
+                    i % 2 == 0 ? 0.0 : random.uniform(-1.0, 1.0)};
+    const double far = i % 3 == 0 ? random.uniform(0.0, 4.0) : world.tfar;
+    const Ray moved{transform.point_to_object(world.origin), transform.vector_to_object(world.direction),
+                    world.tnear, far};
+    ObjectRay at_once, in_two_steps;
+    const bool meets = in_two_steps.prepare(moved, mesh.bounds());
+    ASSERT_EQ(at_once.prepare(world, far, transform, mesh.bounds()), meets) << i;
+    if (!meets) continue;
+    ++met;
+    const auto halves = [](const ObjectRay& r) {
+      return std::tuple(r.origin, r.direction, r.tnear, r.kx, r.ky, r.kz, r.axes_origin, r.direction_z,
+                        r.shear_x, r.shear_y, r.distance, r.side_error, r.cull_scale, r.cull_shift,
+                        Vec3f(r.cull_origin), Vec3f(r.cull_direction), r.cull_axes_origin,
+                        Vec3f(r.inverse_direction), Vec3f(r.near_offset), Vec3f(r.far_offset), r.pad);
+    };
+    ASSERT_EQ(halves(at_once), halves(in_two_steps)) << i;
+  }
+  EXPECT_GT(met, 5000);
 }
 
 TEST(ObjectRay, a_ray_that_clearly_misses_the_mesh_is_rejected_at_once) {

@@ -45,38 +45,15 @@ TEST(HitReply, t_error_is_a_column_when_asked_for_and_null_where_infinite) {
   EXPECT_FALSE(has(HitField::kAll, HitField::kTError));
 }
 
-TEST(HitReply, pieces_are_written_like_the_whole) {
-  for (const HitField fields : {HitField::kAll, HitField::kAll | HitField::kTError, HitField::kMeshId}) {
-    HitColumns whole;
-    whole.resize(21, fields);
-    std::vector<HitColumns> pieces(3);
-    for (std::size_t p = 0; p < 3; ++p) pieces[p].resize(p < 2 ? 8 : 5, fields);
-    for (std::size_t i = 0; i < 21; ++i) {
-      const double x = 0.1 * double(i);
-      const SurfaceHit hit{RayStatus::kHit, x, 0.2, x, {x, 0.0, 1.0}, std::uint32_t(i), 1, 7, x};
-      whole.set(i, hit);
-      pieces[i / 8].set(i % 8, hit);
-    }
-    EXPECT_EQ(write_hits_binary(pieces, {7, fields, {}}).to_string(),
-              write_hits_binary(whole, {7, fields, {}}).to_string());
-  }
-  const std::vector<RayStatus> whole(19, RayStatus::kHit);
-  const std::vector<std::vector<RayStatus>> pieces{{whole.begin(), whole.begin() + 16},
-                                                   {whole.begin() + 16, whole.end()}};
-  EXPECT_EQ(write_occlusion_binary(pieces, {7, HitField::kAll, {}}).to_string(),
-            write_occlusion_binary(whole, {7, HitField::kAll, {}}).to_string());
-}
-
-TEST(HitReply, counts_of_parts_add_up) {
+TEST(HitReply, statuses_are_counted) {
   const std::vector<RayStatus> status{RayStatus::kHit, RayStatus::kMiss, RayStatus::kInvalid,
                                       RayStatus::kHit};
-  RayStats sum = count_statuses(std::span(status).first(1), 1.0);
-  sum += count_statuses(std::span(status).subspan(1), 2.0);
-  EXPECT_EQ(sum.rays, 4U);
-  EXPECT_EQ(sum.hits, 2U);
-  EXPECT_EQ(sum.misses, 1U);
-  EXPECT_EQ(sum.invalid, 1U);
-  EXPECT_EQ(sum.trace_ms, 3.0);
+  const RayStats stats = count_statuses(status, 3.0);
+  EXPECT_EQ(stats.rays, 4U);
+  EXPECT_EQ(stats.hits, 2U);
+  EXPECT_EQ(stats.misses, 1U);
+  EXPECT_EQ(stats.invalid, 1U);
+  EXPECT_EQ(stats.trace_ms, 3.0);
 }
 
 TEST(HitReply, no_rays_give_empty_columns) {
@@ -109,11 +86,11 @@ struct Decoded {
   nlohmann::json head;
   std::string data;
   template <class T>
-  std::vector<T> column(const std::string& name) const {
+  Column<T> column(const std::string& name) const {
     const auto begin = head.at(name).at("data_offsets").at(0).get<std::size_t>();
     const auto end = head.at(name).at("data_offsets").at(1).get<std::size_t>();
     EXPECT_EQ(begin % 8, 0U) << name;
-    std::vector<T> values((end - begin) / sizeof(T));
+    Column<T> values((end - begin) / sizeof(T));
     if (!values.empty()) std::memcpy(values.data(), data.data() + begin, end - begin);
     return values;
   }
@@ -140,12 +117,11 @@ TEST(HitReply, binary_columns_are_where_the_head_says) {
   EXPECT_EQ(reply.column<double>("t"), hits.t);
   EXPECT_EQ(reply.column<float>("uv"), hits.uv);
   EXPECT_EQ(reply.column<float>("normal"), hits.normal);
-  EXPECT_EQ(reply.column<std::uint32_t>("instance_id"),
-            (std::vector<std::uint32_t>{2, kInvalidId, kInvalidId}));
+  EXPECT_EQ(reply.column<std::uint32_t>("instance_id"), (Column<std::uint32_t>{2, kInvalidId, kInvalidId}));
   EXPECT_EQ(reply.column<std::uint32_t>("mesh_id"), hits.mesh_id);
   EXPECT_EQ(reply.column<std::uint32_t>("primitive_id"), hits.primitive_id);
   EXPECT_EQ(reply.column<double>("t_error"), hits.t_error);
-  EXPECT_EQ(reply.column<std::uint8_t>("status"), (std::vector<std::uint8_t>{1, 0, 4}));
+  EXPECT_EQ(reply.column<std::uint8_t>("status"), (Column<std::uint8_t>{1, 0, 4}));
   EXPECT_EQ(reply.head["status"]["data_offsets"][1], reply.data.size());
 }
 
@@ -153,7 +129,7 @@ TEST(HitReply, occlusion_is_one_column) {
   const std::vector<RayStatus> status{RayStatus::kHit, RayStatus::kMiss};
   const Decoded reply = decode(write_occlusion_binary(status, {9, HitField::kAll, {}}).to_string());
   EXPECT_EQ(reply.head.size(), 2U);
-  EXPECT_EQ(reply.column<std::uint8_t>("status"), (std::vector<std::uint8_t>{1, 0}));
+  EXPECT_EQ(reply.column<std::uint8_t>("status"), (Column<std::uint8_t>{1, 0}));
 }
 
 TEST(HitReply, json_numbers_read_back_to_the_same_bits) {

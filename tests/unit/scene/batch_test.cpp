@@ -1,5 +1,6 @@
 // Whatever way a batch chooses, its answers are those of single rays, in the caller's order, bit for bit.
 
+#include <algorithm>
 #include <chrono>
 #include <numeric>
 #include <thread>
@@ -213,6 +214,49 @@ TEST(SceneBatch, the_way_chosen_suits_the_rays) {
   EXPECT_EQ(strangers.order, RayOrderKind::kByOrigin);
   EXPECT_EQ(to_string(strangers.order), "by_origin");
   EXPECT_GT(strangers.single_rays, strangers.packet_rays);
+}
+
+TEST(SceneBatch, pieces_go_into_their_rows_of_the_whole_and_into_no_other) {
+  test::Random random(test::seed_or(65));
+  const auto scene = one_instance(random_affine(random, 2.0, 1.0));
+  const HitField fields = HitField::kAll | HitField::kTError;
+  for (const bool sorted : {false, true}) {
+    constexpr std::size_t kCount = 20000, kBefore = 3, kAfter = 5;
+    const Batch camera = camera_rays(*scene, kCount, random);
+    const std::vector<double> rows = rows_of(sorted ? shuffled(camera, random).rays : camera.rays);
+    const RayBatch batch{std::as_bytes(std::span(rows)), ScalarType::kFloat64, 8, {}};
+    TraceStats stats;
+    TraceOptions options;
+    options.fields = fields;
+    options.stats = &stats;
+    const auto expected = intersect(*scene, batch, options);
+    const auto blocked = occluded(*scene, batch, options);
+    ASSERT_TRUE(expected.ok() && blocked.ok());
+    EXPECT_EQ(stats.order != RayOrderKind::kAsGiven, sorted);
+
+    HitColumns hits;
+    hits.resize(kBefore + kCount + kAfter, fields);
+    std::vector<RayStatus> status(kBefore + kCount + kAfter, RayStatus::kTruncated);
+    ASSERT_TRUE(intersect_into(*scene, batch, options, hits, kBefore).ok());
+    ASSERT_TRUE(occluded_into(*scene, batch, options, std::span(status).subspan(kBefore, kCount)).ok());
+    const auto expect_part = [](const auto& whole, const auto& part, auto around, std::size_t width = 1) {
+      const auto first = whole.begin() + std::ptrdiff_t(kBefore * width),
+                 last = first + std::ptrdiff_t(kCount * width);
+      const auto is_untouched = [&](const auto& value) { return value == around; };
+      EXPECT_TRUE(std::equal(first, last, part.begin(), part.end()));
+      EXPECT_TRUE(std::all_of(whole.begin(), first, is_untouched) &&
+                  std::all_of(last, whole.end(), is_untouched));
+    };
+    expect_part(hits.status, expected->status, RayStatus::kMiss);
+    expect_part(hits.t, expected->t, std::numeric_limits<double>::infinity());
+    expect_part(hits.uv, expected->uv, 0.F, 2);
+    expect_part(hits.normal, expected->normal, 0.F, 3);
+    expect_part(hits.instance_id, expected->instance_id, kInvalidId);
+    expect_part(hits.mesh_id, expected->mesh_id, kInvalidId);
+    expect_part(hits.primitive_id, expected->primitive_id, kInvalidId);
+    expect_part(hits.t_error, expected->t_error, std::numeric_limits<double>::infinity());
+    expect_part(status, *blocked, RayStatus::kTruncated);
+  }
 }
 
 TEST(SceneBatch, a_batch_of_invalid_rays_alone_is_answered) {

@@ -6,7 +6,7 @@
 #include <new>
 #include <utility>
 
-namespace gridcast::blas {
+namespace gridcast {
 
 /// Memory for std::free that starts at a cache line, or from 4 MiB on at a huge page, and the system is asked
 /// for such pages: rays jump about in a tree, and with small pages every jump would also miss the table of
@@ -45,4 +45,4 @@ class UninitializedAllocator {
   }
 };
 
-}  // namespace gridcast::blas
+}  // namespace gridcast

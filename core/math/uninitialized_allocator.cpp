@@ -1,8 +1,8 @@
-#include "core/blas/uninitialized_allocator.h"
+#include "core/math/uninitialized_allocator.h"
 
 #include <sys/mman.h>
 
-namespace gridcast::blas {
+namespace gridcast {
 
 void* allocate_aligned(std::size_t bytes) {
   constexpr std::size_t kCacheLine = 64, kHugePage = std::size_t(1) << 21;
@@ -15,4 +15,4 @@ void* allocate_aligned(std::size_t bytes) {
   return memory;
 }
 
-}  // namespace gridcast::blas
+}  // namespace gridcast
