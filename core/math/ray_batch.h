@@ -76,7 +76,7 @@ inline constexpr bool has(HitField set, HitField one) {
 
 /// A column of many answers: see UninitializedAllocator.
 template <class T>
-using Column = std::vector<T, UninitializedAllocator<T>>;
+using Column = std::vector<T, UninitializedAllocator<T, HeapMemory>>;
 
 /// Answers in the order of the rays. A miss: t = t_error = +inf, ids = kInvalidId, uv and normal 0. Columns
 /// not asked for stay empty.

@@ -14,7 +14,7 @@ using proto::Problem;
 using proto::RayQuestion;
 
 // Some milliseconds of work; 2 MB of rows that stay in the caches between the socket and the trace. The
-// answers of all go into columns of the whole batch, whose memory comes in large pages, and comes as rays do.
+// answers of all go into columns of the whole batch, whose memory the system gives as rays come.
 constexpr std::size_t kRaysPerPiece = std::size_t(1) << 16;
 
 /// Which way the batch is traced, by a look at its first rays: sorting goes over all of them.
