@@ -92,26 +92,18 @@ struct HitColumns {
 
   /// `n` misses.
   void resize(std::size_t n, HitField fields) {
-    status.assign(n, RayStatus::kMiss);
-    t.assign(n, std::numeric_limits<double>::infinity());
-    uv.assign(has(fields, HitField::kUv) ? 2 * n : 0, 0.F);
-    normal.assign(has(fields, HitField::kNormal) ? 3 * n : 0, 0.F);
-    instance_id.assign(has(fields, HitField::kInstanceId) ? n : 0, kInvalidId);
-    mesh_id.assign(has(fields, HitField::kMeshId) ? n : 0, kInvalidId);
-    primitive_id.assign(has(fields, HitField::kPrimitiveId) ? n : 0, kInvalidId);
-    t_error.assign(has(fields, HitField::kTError) ? n : 0, std::numeric_limits<double>::infinity());
+    for_each_column(fields,
+                    [n](auto& column, std::size_t width, auto miss) { column.assign(width * n, miss); });
   }
-
-  /// Room for `n` rows, each of which is still to be written: what they are until then means nothing.
+  /// `n` rows, of which those that are new are still to be written: what they are until then means nothing.
   void make_room(std::size_t n, HitField fields) {
-    status.resize(n);
-    t.resize(n);
-    uv.resize(has(fields, HitField::kUv) ? 2 * n : 0);
-    normal.resize(has(fields, HitField::kNormal) ? 3 * n : 0);
-    instance_id.resize(has(fields, HitField::kInstanceId) ? n : 0);
-    mesh_id.resize(has(fields, HitField::kMeshId) ? n : 0);
-    primitive_id.resize(has(fields, HitField::kPrimitiveId) ? n : 0);
-    t_error.resize(has(fields, HitField::kTError) ? n : 0);
+    for_each_column(fields,
+                    [n](auto& column, std::size_t width, auto /*miss*/) { column.resize(width * n); });
+  }
+  /// Memory for `n` rows, of which none is there yet: rows up to `n` do not move the others.
+  void reserve(std::size_t n, HitField fields) {
+    for_each_column(fields,
+                    [n](auto& column, std::size_t width, auto /*miss*/) { column.reserve(width * n); });
   }
 
   /// Writes row i; each row is written by one thread.
@@ -131,6 +123,24 @@ struct HitColumns {
   /// The normal of row i alone, where normals are wanted.
   void set_normal(std::size_t i, const Vec3d& unit) {
     for (int c = 0; c < 3; ++c) normal[3 * i + std::size_t(c)] = float(unit[c]);
+  }
+
+ private:
+  /// Calls visit(column, width, value of a miss); the width of a column that is not of `fields` is 0.
+  template <class Visit>
+  void for_each_column(HitField fields, const Visit& visit) {
+    const auto width = [fields](HitField field, std::size_t wide = 1) {
+      return has(fields, field) ? wide : 0;
+    };
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    visit(status, 1, RayStatus::kMiss);
+    visit(t, 1, kInfinity);
+    visit(uv, width(HitField::kUv, 2), 0.F);
+    visit(normal, width(HitField::kNormal, 3), 0.F);
+    visit(instance_id, width(HitField::kInstanceId), kInvalidId);
+    visit(mesh_id, width(HitField::kMeshId), kInvalidId);
+    visit(primitive_id, width(HitField::kPrimitiveId), kInvalidId);
+    visit(t_error, width(HitField::kTError), kInfinity);
   }
 };
 

@@ -23,6 +23,13 @@ bool comes_in_order(const scene::Scene& scene, const RayBatch& first) {
   return choose_order(scene, first, look).kind == scene::RayOrderKind::kAsGiven;
 }
 
+// Memory follows what has arrived, not what was announced: of what is reserved nothing is touched.
+void reserve(HitColumns& hits, std::size_t rays, HitField fields) {
+  hits.reserve(rays, fields);
+}
+void reserve(std::vector<RayStatus>& status, std::size_t rays, HitField /*fields*/) {
+  status.reserve(rays);
+}
 void make_room(HitColumns& hits, std::size_t rays, HitField fields) {
   hits.make_room(rays, fields);
 }
@@ -46,7 +53,7 @@ class PieceByPiece {
   PieceByPiece(const RayReply& to, const scene::Scene& scene, const proto::RayRequest& rays,
                std::size_t count, IncomingBody& incoming)
       : to_(to), scene_(scene), rays_(rays), incoming_(incoming) {
-    make_room(answer_, count, rays.options.fields);
+    reserve(answer_, count, rays.options.fields);
     options_.precision = rays.options.precision;
     options_.fields = rays.options.fields;
     options_.mask = rays.options.mask;
@@ -85,6 +92,7 @@ class PieceByPiece {
     scene::TraceStats traced;
     options_.stats = &traced;
     const RayBatch piece{bytes, rays_.scalar, rays_.columns, {}};
+    make_room(answer_, begin_ + piece.size(), options_.fields);
     const Status done = trace(scene_, piece, options_, answer_, begin_);
     wait_ms_ += ms_between(before, begun);
     trace_ms_ += ms_between(begun, Clock::now());
