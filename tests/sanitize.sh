@@ -95,7 +95,8 @@ fi
 
 rm -rf "$reports"
 mkdir -p "$reports"
-export ASAN_OPTIONS=log_path=$reports/asan:detect_stack_use_after_return=1
+# Tests of a failing disk load a library before all others.
+export ASAN_OPTIONS=log_path=$reports/asan:detect_stack_use_after_return=1:verify_asan_link_order=0
 export UBSAN_OPTIONS=log_path=$reports/asan:print_stacktrace=1
 # Thread leaks are no reports: a second SIGTERM ends the server at once, whatever its threads are doing.
 export TSAN_OPTIONS="log_path=$reports/tsan suppressions=$PWD/tests/support/tsan.supp second_deadlock_stack=1 history_size=4 report_thread_leaks=0"

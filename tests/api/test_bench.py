@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 
 import models
+from conftest import patient
 
 DONE, USAGE, INTERRUPTED = 0, 2, 130
 SCHEMA = json.loads((Path(__file__).resolve().parents[1] / "bench/report.schema.json").read_text())
@@ -22,7 +23,7 @@ DEFORMATIONS = SCHEMA["definitions"]["deformation"]["enum"]
 def bench(binary, tmp_path):
     def call(*arguments):
         return subprocess.run([binary, "bench", *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True,
-                              timeout=120, check=False)
+                              timeout=patient(120), check=False)
     return call
 
 
