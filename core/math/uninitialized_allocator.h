@@ -29,10 +29,6 @@ template <class T, class Memory = AlignedMemory>
 class UninitializedAllocator {
  public:
   using value_type = T;
-  template <class U>
-  struct rebind {
-    using other = UninitializedAllocator<U, Memory>;
-  };
 
   UninitializedAllocator() = default;
   template <class U>
