@@ -6,6 +6,7 @@ import numpy as np
 
 import isolation
 import models
+from conftest import patient
 
 
 def lifted(height):
@@ -79,7 +80,7 @@ def test_a_query_at_work_finishes_on_a_dropped_scene(client):
 
 def test_no_answer_is_mixed_while_updates_of_every_kind_arrive_at_a_steady_rate():
     """A short turn of tests/api/isolation.py, which runs as long as it is told to."""
-    found = isolation.run(seconds=4.0, per_s=1000.0, readers=2, rays=500)
+    found = isolation.run(seconds=patient(4.0), per_s=1000.0, readers=2, rays=500)
     assert found["mixed"] == 0 == found["backwards"], found
     assert found["last"][0] == found["last"][1], "every update made one version"
     assert found["updates"] > 100 and found["forks"] > 0 and found["rays"] > 10_000, found
