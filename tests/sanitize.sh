@@ -8,9 +8,9 @@ usage() {
 usage: tests/sanitize.sh address|thread [--jobs N] [--rays N] [--only unit|stability|api] [--help]
 
   address   AddressSanitizer, LeakSanitizer and UndefinedBehaviorSanitizer, in build/asan
-  thread    ThreadSanitizer, in build/tsan, with a oneTBB that is instrumented too: it is built from Debian's source
-            package of the installed version, since a scheduler that ThreadSanitizer cannot see makes every parallel
-            loop look like a race
+  thread    ThreadSanitizer, in build/tsan, with a oneTBB and a cpp-httplib that are instrumented too: they are built
+            from Debian's source packages of the installed versions, since a scheduler that ThreadSanitizer cannot see
+            makes every parallel loop look like a race, and so does the first use of a constant of a library
 
 Runs ctest, the stability suite with fewer rays, and the API tests. Reports are files in build/asan/reports or
 build/tsan/reports; fails when there is one, or when a test fails. Suppressions (tests/support/tsan.supp) name oneTBB and
@@ -56,10 +56,14 @@ preset=tsan
 build=build/$preset
 reports=$PWD/$build/reports
 
-# An instrumented oneTBB of the installed version in build/tsan-tbb/lib.
-build_tbb() {
-  local dir=$PWD/build/tsan-tbb
-  [ ! -e "$dir/lib/libtbb.so.12" ] || return 0
+# The library of a Debian source package, of the version that is installed, instrumented, in build/tsan-NAME/lib.
+# build_instrumented NAME PACKAGE LIBRARY MADE OPTION...: PACKAGE is one that is made of the source NAME, LIBRARY the
+# file that programs ask for, MADE what CMake calls it.
+build_instrumented() {
+  local name=$1 package=$2 library=$3 made=$4
+  shift 4
+  local dir=$PWD/build/tsan-$name
+  [ ! -e "$dir/lib/$library" ] || return 0
   mkdir -p "$dir/apt/sources" "$dir/apt/lists/partial"
   local file
   for file in /etc/apt/sources.list /etc/apt/sources.list.d/*.{list,sources}; do
@@ -67,11 +71,17 @@ build_tbb() {
   done
   local apt=(apt-get -qq -o "Dir::Etc::sourcelist=/dev/null" -o "Dir::Etc::sourceparts=$dir/apt/sources"
     -o "Dir::State::lists=$dir/apt/lists" -o "APT::Sandbox::User=$(id -un)")
-  (cd "$dir" && "${apt[@]}" update && "${apt[@]}" source "onetbb=$(dpkg-query -W -f='${source:Version}' libtbb-dev)") || return 1
-  cmake -S "$dir"/onetbb-*/ -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo -DTBB_SANITIZE=thread -DTBB_TEST=OFF \
-    -DTBBMALLOC_BUILD=OFF -DTBB_STRICT=OFF &&
+  (cd "$dir" && "${apt[@]}" update && "${apt[@]}" source "$name=$(dpkg-query -W -f='${source:Version}' "$package")") || return 1
+  cmake -S "$dir/$name"-*/ -B "$dir/build" -G Ninja -DCMAKE_BUILD_TYPE=RelWithDebInfo "$@" &&
     cmake --build "$dir/build" --parallel "$jobs" &&
-    ln -sfn "$(dirname "$(find "$dir/build" -name libtbb.so.12 | head -n 1)")" "$dir/lib"
+    mkdir -p "$dir/lib" && ln -sf "$(find "$dir/build" -name "$made" | head -n 1)" "$dir/lib/$library"
+}
+
+build_libraries() {
+  build_instrumented onetbb libtbb-dev libtbb.so.12 libtbb.so.12 -DTBB_SANITIZE=thread -DTBB_TEST=OFF -DTBBMALLOC_BUILD=OFF -DTBB_STRICT=OFF &&
+    build_instrumented cpp-httplib libcpp-httplib-dev libcpp-httplib.so.0.11 libhttplib.so.0.11 -DHTTPLIB_COMPILE=ON \
+      -DHTTPLIB_REQUIRE_OPENSSL=ON -DHTTPLIB_REQUIRE_ZLIB=ON -DHTTPLIB_REQUIRE_BROTLI=ON \
+      -DBUILD_SHARED_LIBS=ON -DCMAKE_CXX_FLAGS=-fsanitize=thread
 }
 
 run_unit() { ctest --test-dir $build --parallel "$jobs" -LE stability --output-on-failure --no-tests=error; }
@@ -83,9 +93,9 @@ run_api() {
 
 if [ $preset = tsan ]; then
   mkdir -p build
-  echo "== oneTBB"
-  build_tbb >build/tsan-tbb.log 2>&1 || { tail -n 20 build/tsan-tbb.log >&2; exit 1; }
-  export LD_LIBRARY_PATH=$PWD/build/tsan-tbb/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
+  echo "== oneTBB and cpp-httplib"
+  build_libraries >build/tsan-libraries.log 2>&1 || { tail -n 20 build/tsan-libraries.log >&2; exit 1; }
+  export LD_LIBRARY_PATH=$PWD/build/tsan-onetbb/lib:$PWD/build/tsan-cpp-httplib/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 fi
 if [ ${#only[@]} -eq 0 ]; then
   echo "== build"

@@ -7,7 +7,10 @@
 #include <string_view>
 #include <utility>
 
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/partitioner.h>
 #include <oneapi/tbb/task_arena.h>
+#include <oneapi/tbb/task_group.h>
 
 #if __has_include(<embree4/rtcore.h>)
 #include <embree4/rtcore.h>
@@ -170,6 +173,12 @@ Error to_error(RTCError code) {
 
 }  // namespace
 
+void commit_embree_scene(RTCSceneTy* scene) {
+  static auto& context = *new tbb::task_group_context(tbb::task_group_context::isolated);
+  tbb::parallel_for(
+      0, 1, [scene](int) { rtcCommitScene(scene); }, tbb::simple_partitioner(), context);
+}
+
 const char* embree_device_config() {
   const std::string_view limit = instruction_set();
   if (limit == instruction_sets().front()) return nullptr;
@@ -223,7 +232,7 @@ struct EmbreeTree::Scene {
     rtcReleaseGeometry(geometry);
     rtcSetSceneProgressMonitorFunction(scene, on_progress, &stop);
     // Embree flushes denormals on this thread while it builds, so no task of ours may run on it meanwhile.
-    tbb::this_task_arena::isolate([this] { rtcCommitScene(scene); });
+    tbb::this_task_arena::isolate([this] { commit_embree_scene(scene); });
     rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
     rtcSetGeometryUserData(geometry, nullptr);
     if (stop.stop_requested()) return to_error(RTC_ERROR_CANCELLED);

@@ -9,11 +9,19 @@
 #include "core/blas/collector.h"
 #include "core/blas/point_sink.h"
 
+struct RTCSceneTy;
+
 namespace gridcast::blas {
 
 /// What a new device of Embree is told so that it keeps to the set of instructions that our kernels are
 /// limited to (core/math/instruction_set.h); null where there is no limit.
 [[nodiscard]] const char* embree_device_config();
+
+/// rtcCommitScene, as a task of a context that is never destroyed. A scene of Embree holds a group of tasks,
+/// whose context remembers that of the task by which the scene is first committed; with any cancellation,
+/// whoever's, oneTBB goes from all contexts to those they remember. A build among others as tasks would leave
+/// the scene with one that is gone.
+void commit_embree_scene(RTCSceneTy* scene);
 
 /// Embree's tree over user geometry with padded triangle boxes. Cannot be refitted: an Embree scene can be
 /// neither copied nor changed while it is read, so moved vertices get a new one.

@@ -199,7 +199,7 @@ bool on_progress(void* stop, double /*fraction*/) {
 /// Error: kCancelled; others are the device's.
 Status commit(RTCScene scene, std::stop_token stop) {
   rtcSetSceneProgressMonitorFunction(scene, on_progress, &stop);
-  rtcCommitScene(scene);
+  blas::commit_embree_scene(scene);
   rtcSetSceneProgressMonitorFunction(scene, nullptr, nullptr);
   if (stop.stop_requested()) return Error{ErrorCode::kCancelled, "the building was stopped", ""};
   return ok_status();
@@ -377,14 +377,14 @@ Status EmbreeScene::refit(std::span<const Vec3f> positions) {
   rtcSetGeometryBuildQuality(geometry, RTC_BUILD_QUALITY_REFIT);
   rtcUpdateGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0);
   rtcCommitGeometry(geometry);
-  rtcCommitScene(state.top);
+  blas::commit_embree_scene(state.top);
   return state.check();
 }
 
 Status EmbreeScene::move_instances(std::span<const Move> moves) {
   for (const Move& move : moves)
     State::set_transform(rtcGetGeometry(state_->top, move.instance_id), move.world_from_object);
-  rtcCommitScene(state_->top);
+  blas::commit_embree_scene(state_->top);
   return state_->check();
 }
 

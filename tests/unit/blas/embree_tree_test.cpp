@@ -1,5 +1,10 @@
 #include "core/blas/embree_tree.h"
 
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <new>
+
 #include <gtest/gtest.h>
 #include <oneapi/tbb/parallel_for.h>
 
@@ -107,6 +112,31 @@ TEST(EmbreeTree, building_and_tracing_leave_denormals_alone) {
     trace(*tree, mesh, {{0, 0, 3}, {0, 0, -1}});
     EXPECT_TRUE(denormals_work());
   });
+}
+
+// Embree's scene would remember the context of the task that built it, which oneTBB then reads.
+TEST(EmbreeTree, a_tree_built_by_a_task_that_is_gone_does_not_disturb_what_is_cancelled_later) {
+  using tbb::task_group_context;
+  const TriangleMesh mesh = test::icosphere(2);
+  const auto once = [](task_group_context& context, const auto& work) {
+    tbb::parallel_for(
+        0, 1, [&](int) { work(); }, tbb::simple_partitioner(), context);
+  };
+  alignas(task_group_context) std::array<std::byte, sizeof(task_group_context)> memory;
+  auto* const gone = new (memory.data()) task_group_context(task_group_context::isolated);
+  std::shared_ptr<const EmbreeTree> tree;
+  once(*gone, [&] { tree = EmbreeTree::build(mesh, {}).value(); });
+  gone->~task_group_context();
+  memory.fill(std::byte{0x11});
+
+  task_group_context cancelled(task_group_context::isolated);
+  once(cancelled, [&] {
+    task_group_context child;
+    once(child, [&] { EXPECT_TRUE(cancelled.cancel_group_execution()); });
+    EXPECT_TRUE(child.is_group_execution_cancelled());
+  });
+  ASSERT_NE(tree, nullptr);
+  EXPECT_EQ(trace(*tree, mesh, {{0.1, 0.2, 3.0}, {0.0, 0.0, -1.0}}).tree.valid(), true);
 }
 
 TEST(EmbreeTree, a_build_that_is_stopped_gives_cancelled) {
