@@ -6,7 +6,7 @@ import numpy as np
 
 import isolation
 import models
-from conftest import patient
+from conftest import is_instrumented, patient
 
 
 def lifted(height):
@@ -70,7 +70,7 @@ def test_writers_with_if_match_never_lose_an_update(load):
 
 def test_a_query_at_work_finishes_on_a_dropped_scene(client):
     scene = client.load(models.glb([models.sphere(100, 200)], [{"mesh": 0}]), structure="brute_force")
-    rays, answers = models.random_rays(3000, reach=3.0), []
+    rays, answers = models.random_rays(300 if is_instrumented() else 3000, reach=3.0), []
     reader = threading.Thread(target=lambda: answers.append(scene.cast(rays)))
     reader.start()
     scene.delete()
