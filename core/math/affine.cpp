@@ -40,12 +40,11 @@ InstanceTransform::InstanceTransform(const Affine& world_from_object)
   const Vec3d& t = world_from_object.translation;
   if (!is_finite(a) || !gridcast::is_finite(t) || max_abs(t) > kMaxTranslation) return;
 
-  // Scale by a power of two (exact) before inverting: the determinant of a tiny scale would underflow.
   const double largest = largest_entry(a);
   if (!(largest >= kMinScale && largest <= kMaxScale)) return;
-  const double scale = std::ldexp(1.0, -std::ilogb(largest));
-  const Mat3d inverse = glm::inverse(a * scale) * scale;
-  if (!is_finite(inverse)) return;
+  // The determinant of what passes is above 2^-435, since that of its inverse is at most 6 kMaxInverse^3.
+  const Mat3d inverse = glm::inverse(a);
+  if (!is_finite(inverse) || !(row_sum_norm(inverse) <= kMaxInverse)) return;
 
   const double condition = condition_of(a, inverse);
   if (!(condition <= kMaxCondition)) return;
@@ -59,9 +58,8 @@ double InstanceTransform::condition() const {
   return condition_of(world_from_object_.linear, object_from_world_linear_);
 }
 
-// Nothing here leaves the range of doubles: the inverse has entries up to kMaxCondition / kMinScale, below
-// 2^144, and makes no vector shorter than a 2^103rd of it, so squares of the components lie between 2^-808
-// and 2^892.
+// Nothing here leaves the range of doubles: the inverse has entries up to kMaxInverse, 2^143, and makes no
+// vector shorter than a 2^103rd of it, so squares of the components lie between 2^-808 and 2^890.
 Vec3d InstanceTransform::normal_to_world(const Vec3d& n) const {
   return glm::normalize(glm::transpose(object_from_world_linear_) * n);
 }

@@ -30,6 +30,9 @@ inline constexpr double kMaxRoundTripError = 0x1p-5;
 /// the triangle test relies on object-space rays in a bounded range (core/math/exact.h).
 inline constexpr double kMinScale = 0x1p-100;
 inline constexpr double kMaxScale = 0x1p100;
+/// Largest row sum of the inverse: one that is flattened further sends object-space rays and normals out of
+/// that range, however well conditioned it is.
+inline constexpr double kMaxInverse = kMaxCondition / kMinScale;
 inline constexpr double kMaxTranslation = 0x1p100;
 
 /// world_from_object with its stored inverse. Mirrored, sheared and non-uniform scales are fine;
@@ -38,7 +41,7 @@ class InstanceTransform {
  public:
   InstanceTransform() = default;
   /// Inactive when `world_from_object` is singular, not finite, out of range (kMinScale to kMaxScale,
-  /// kMaxTranslation) or too ill conditioned to invert (kMaxCondition).
+  /// kMaxInverse, kMaxTranslation) or too ill conditioned to invert (kMaxCondition).
   explicit InstanceTransform(const Affine& world_from_object);
 
   [[nodiscard]] const Affine& world_from_object() const { return world_from_object_; }

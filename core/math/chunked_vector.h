@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/math/memory_pool.h"
+
 namespace gridcast {
 
 /// A vector in shared chunks: a copy shares every chunk, writing to one element copies its chunk alone.
@@ -61,16 +63,22 @@ class ChunkedVector {
  private:
   using Chunk = std::array<T, kChunk>;
 
-  /// Leaves memory as it is: a chunk of what can be copied byte by byte needs no constructor to begin.
+  /// Leaves memory as it is: a chunk of what can be copied byte by byte needs no constructor to begin. Of a
+  /// pool that all of the type share, and that is never destroyed, since chunks may outlive whatever is.
   template <class U>
   struct UnwrittenAllocator {
     using value_type = U;
+    static_assert(alignof(U) <= alignof(std::max_align_t));
     UnwrittenAllocator() = default;
     template <class V>
     explicit UnwrittenAllocator(const UnwrittenAllocator<V>& /*other*/) {}
-    [[nodiscard]] U* allocate(std::size_t n) { return std::allocator<U>().allocate(n); }
-    void deallocate(U* memory, std::size_t n) { std::allocator<U>().deallocate(memory, n); }
+    [[nodiscard]] U* allocate(std::size_t /*one*/) { return static_cast<U*>(pool().take()); }
+    void deallocate(U* memory, std::size_t /*one*/) { pool().give_back(memory); }
     void construct(Chunk* /*place*/) {}
+    static MemoryPool& pool() {
+      static auto* const pool = new MemoryPool(sizeof(U));
+      return *pool;
+    }
   };
 
   std::vector<std::shared_ptr<Chunk>> chunks_;

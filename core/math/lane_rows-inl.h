@@ -27,9 +27,8 @@ struct Four {
 /// Numbers 0 to 3 of rows[lane], each at any address of a double.
 template <class D>
 HWY_INLINE Four<D> load_rows(D d, const std::array<const double*, hn::MaxLanes(D())>& rows);
-/// The first `kCount` numbers to rows[lane], in the order of the lanes, as bits: what lies there may be of
-/// another type.
-template <std::size_t kCount, class D>
+/// The numbers to rows[lane], in the order of the lanes, as bits: what lies there may be of another type.
+template <class D>
 HWY_INLINE void store_rows(D d, const Four<D>& four, const std::array<double*, hn::MaxLanes(D())>& rows);
 
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2
@@ -59,28 +58,15 @@ HWY_INLINE Four<D> load_rows(D d, const std::array<const double*, hn::MaxLanes(D
   return transposed(d, four);
 }
 
-/// A row, by memory where it is not whole: a masked store is not forwarded to a load soon after.
-template <std::size_t kCount, class D4>
-HWY_INLINE void store_row(D4 d, hn::Vec<D4> row, double* to) {
-  if constexpr (kCount == 4) {
-    hn::StoreU(row, d, to);
-  } else {
-    alignas(32) double numbers[4];
-    hn::Store(row, d, numbers);
-    std::memcpy(to, numbers, kCount * sizeof(double));
-  }
-}
-
-template <std::size_t kCount, class D>
+template <class D>
 HWY_INLINE void store_rows(D d, const Four<D>& four, const std::array<double*, hn::MaxLanes(D())>& rows) {
   const Four<D> by_row = transposed(d, four);
   if constexpr (hn::MaxLanes(D()) == 8) {
     const hn::Half<D> half;
-    for (std::size_t k = 0; k < 4; ++k) store_row<kCount>(half, hn::LowerHalf(half, by_row.v[k]), rows[k]);
-    for (std::size_t k = 0; k < 4; ++k)
-      store_row<kCount>(half, hn::UpperHalf(half, by_row.v[k]), rows[k + 4]);
+    for (std::size_t k = 0; k < 4; ++k) hn::StoreU(hn::LowerHalf(half, by_row.v[k]), half, rows[k]);
+    for (std::size_t k = 0; k < 4; ++k) hn::StoreU(hn::UpperHalf(half, by_row.v[k]), half, rows[k + 4]);
   } else {
-    for (std::size_t k = 0; k < 4; ++k) store_row<kCount>(d, by_row.v[k], rows[k]);
+    for (std::size_t k = 0; k < 4; ++k) hn::StoreU(by_row.v[k], d, rows[k]);
   }
 }
 
@@ -94,13 +80,13 @@ HWY_INLINE Four<D> load_rows(D d, const std::array<const double*, hn::MaxLanes(D
   return {{hn::Load(d, lanes[0]), hn::Load(d, lanes[1]), hn::Load(d, lanes[2]), hn::Load(d, lanes[3])}};
 }
 
-template <std::size_t kCount, class D>
+template <class D>
 HWY_INLINE void store_rows(D d, const Four<D>& four, const std::array<double*, hn::MaxLanes(D())>& rows) {
   alignas(64) double lanes[4][hn::MaxLanes(D())];
-  for (std::size_t k = 0; k < kCount; ++k) hn::Store(four.v[k], d, lanes[k]);
+  for (std::size_t k = 0; k < 4; ++k) hn::Store(four.v[k], d, lanes[k]);
   for (std::size_t lane = 0; lane < hn::Lanes(d); ++lane) {
-    double numbers[kCount];
-    for (std::size_t k = 0; k < kCount; ++k) numbers[k] = lanes[k][lane];
+    double numbers[4];
+    for (std::size_t k = 0; k < 4; ++k) numbers[k] = lanes[k][lane];
     std::memcpy(rows[lane], numbers, sizeof numbers);
   }
 }

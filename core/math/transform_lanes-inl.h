@@ -44,6 +44,8 @@ class TransformLanes {
   [[nodiscard]] HWY_INLINE const V (&translation() const)[3] { return translation_; }
   [[nodiscard]] HWY_INLINE const Matrix& inverse() const { return inverse_; }
   [[nodiscard]] HWY_INLINE V round_trip_error() const { return error_; }
+  /// row_sum_norm of the inverses.
+  [[nodiscard]] HWY_INLINE V inverse_norm() const { return inverse_norm_; }
   /// Bit k: lane k is active.
   [[nodiscard]] HWY_INLINE std::uint32_t active() const {
     std::uint8_t bits[8] = {0};
@@ -55,12 +57,13 @@ class TransformLanes {
     const D d;
     const Matrix &a = linear_, &b = inverse_;
     const V(&t)[3] = translation_;
-    store_rows<4>(d, Four<D>{{a[0][0], a[0][1], a[0][2], a[1][0]}}, rows);
-    store_rows<4>(d, Four<D>{{a[1][1], a[1][2], a[2][0], a[2][1]}}, moved(rows, 4));
-    store_rows<4>(d, Four<D>{{a[2][2], t[0], t[1], t[2]}}, moved(rows, 8));
-    store_rows<4>(d, Four<D>{{b[0][0], b[0][1], b[0][2], b[1][0]}}, moved(rows, 12));
-    store_rows<4>(d, Four<D>{{b[1][1], b[1][2], b[2][0], b[2][1]}}, moved(rows, 16));
-    store_rows<2>(d, Four<D>{{b[2][2], error_, error_, error_}}, moved(rows, 20));
+    store_rows(d, Four<D>{{a[0][0], a[0][1], a[0][2], a[1][0]}}, rows);
+    store_rows(d, Four<D>{{a[1][1], a[1][2], a[2][0], a[2][1]}}, moved(rows, 4));
+    store_rows(d, Four<D>{{a[2][2], t[0], t[1], t[2]}}, moved(rows, 8));
+    store_rows(d, Four<D>{{b[0][0], b[0][1], b[0][2], b[1][0]}}, moved(rows, 12));
+    store_rows(d, Four<D>{{b[1][1], b[1][2], b[2][0], b[2][1]}}, moved(rows, 16));
+    // Two of these once more: a whole row is one store.
+    store_rows(d, Four<D>{{b[2][0], b[2][1], b[2][2], error_}}, moved(rows, 18));
   }
 
  private:
@@ -89,13 +92,6 @@ class TransformLanes {
     for (const auto& column : a)
       for (const V entry : column) largest = hn::Max(largest, hn::Abs(entry));
     return largest;
-  }
-
-  /// Two to the power -ilogb(x) for x in [kMinScale, kMaxScale].
-  static HWY_INLINE V power_of_two_below_inverse(V x) {
-    const hn::RebindToUnsigned<D> u;
-    const auto exponent = hn::And(hn::BitCast(u, x), hn::Set(u, std::uint64_t(0x7FF) << 52));
-    return hn::BitCast(D(), hn::Set(u, std::uint64_t(2 * 1023) << 52) - exponent);
   }
 
   /// glm::inverse.
@@ -151,18 +147,12 @@ class TransformLanes {
     active = hn::And(active, all_at_most(hn::Abs(translation_[0]), hn::Abs(translation_[1]),
                                          hn::Abs(translation_[2]), kMaxTranslation));
 
-    const V scale = power_of_two_below_inverse(largest);
-    Matrix scaled;
-    for (std::size_t c = 0; c < 3; ++c)
-      for (std::size_t r = 0; r < 3; ++r) scaled[c][r] = a[c][r] * scale;
-    inverted(scaled, inverse_);
+    inverted(a, inverse_);
     V rows[3];
-    for (std::size_t c = 0; c < 3; ++c)
-      for (std::size_t r = 0; r < 3; ++r) {
-        inverse_[c][r] = inverse_[c][r] * scale;
-        const V magnitude = hn::Abs(inverse_[c][r]);
-        rows[r] = c == 0 ? magnitude : rows[r] + magnitude;
-      }
+    for (std::size_t r = 0; r < 3; ++r)
+      rows[r] = hn::Abs(inverse_[0][r]) + hn::Abs(inverse_[1][r]) + hn::Abs(inverse_[2][r]);
+    inverse_norm_ = largest_of(rows[0], rows[1], rows[2]);
+    active = hn::And(active, all_at_most(rows[0], rows[1], rows[2], kMaxInverse));
     V growths[3];
     for (std::size_t r = 0; r < 3; ++r)
       growths[r] = hn::Abs(a[0][r]) * rows[0] + hn::Abs(a[1][r]) * rows[1] + hn::Abs(a[2][r]) * rows[2];
@@ -175,7 +165,7 @@ class TransformLanes {
 
   Matrix linear_, inverse_;
   V translation_[3];
-  V error_;
+  V inverse_norm_, error_;
 };
 
 }  // namespace gridcast::HWY_NAMESPACE

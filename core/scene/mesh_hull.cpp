@@ -93,6 +93,19 @@ MeshHull::MeshHull(const mesh::TriangleMesh& mesh, const Bounds3f& bounds) {
     at(number) = std::min(reaches.upper[k], box_upper) + outward;
     at(-number) = -std::max(reaches.lower[k], box_lower) + outward;
   }
+  sort_by_signs();
+}
+
+void MeshHull::sort_by_signs() {
+  for (std::size_t signs = 0; signs < 8; ++signs) {
+    const int step[3] = {(signs & 1U) != 0 ? -1 : 1, (signs & 2U) != 0 ? -3 : 3, (signs & 4U) != 0 ? -9 : 9};
+    const int corner = step[0] + step[1] + step[2];
+    by_signs_.corners[signs] = along(corner);
+    for (int axis = 0; axis < 3; ++axis) {
+      by_signs_.faces[axis][signs] = along(step[axis]);
+      by_signs_.edges[axis][signs] = along(corner - step[axis]);
+    }
+  }
 }
 
 }  // namespace gridcast::scene

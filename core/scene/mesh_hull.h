@@ -61,10 +61,22 @@ class MeshHull {
   static constexpr int kLargestNumber = 13;  ///< 0 is unused
   static constexpr int kNumbers = 2 * kLargestNumber + 1;
 
+  /// The same once more, to be looked up by the signs of x, y and z: bits 0, 1 and 2 of an index are set
+  /// where they are negative, and that of an axis that does not count may be either.
+  struct BySigns {
+    std::array<float, 8> faces[3];  ///< by the axis along which
+    std::array<float, 8> edges[3];  ///< by the axis that does not count
+    std::array<float, 8> corners;
+  };
+  [[nodiscard]] const BySigns& by_signs() const { return by_signs_; }
+
  private:
   [[nodiscard]] float& at(int number) { return reach_[std::size_t(number) + kLargestNumber]; }
 
+  void sort_by_signs();
+
   std::array<float, kNumbers> reach_{};
+  BySigns by_signs_{};
   float magnitude_ = -1.F;
 };
 

@@ -16,7 +16,10 @@ class PlaceBatch {
  public:
   static constexpr std::size_t kSize = 8;
 
-  void clear() { count_ = 0; }
+  void clear() {
+    count_ = 0;
+    one_hull_ = true;
+  }
   [[nodiscard]] std::size_t size() const { return count_; }
   /// All of them live until place(), and each is written once.
   void add(const Affine& world_from_object, const MeshHull& hull, InstanceTransform& transform,
@@ -25,6 +28,7 @@ class PlaceBatch {
     hulls_[count_] = &hull;
     transforms_[count_] = &transform;
     boxes_[count_] = &box;
+    one_hull_ &= &hull == hulls_[0];
     ++count_;
   }
   /// Writes the transforms and boxes of what was added, at least one; returns a bit for each whose transform
@@ -36,6 +40,7 @@ class PlaceBatch {
     const std::array<const MeshHull*, kSize>& hulls;
     const std::array<InstanceTransform*, kSize>& transforms;
     const std::array<tlas::InstanceBox*, kSize>& boxes;
+    bool one_hull;  ///< all have the same
   };
 
  private:
@@ -47,6 +52,7 @@ class PlaceBatch {
   };
 
   std::size_t count_ = 0;
+  bool one_hull_ = true;
   std::array<const Affine*, kSize> from_{};
   std::array<const MeshHull*, kSize> hulls_{};
   std::array<InstanceTransform*, kSize> transforms_{};

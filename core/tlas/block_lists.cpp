@@ -7,8 +7,6 @@
 
 #include <tbb/parallel_for.h>
 
-#include "core/tlas/box_filing.h"
-
 namespace gridcast::tlas {
 namespace {
 
@@ -32,50 +30,6 @@ void add(FilingSummary& sum, const FilingSummary& part) {
   sum.max_drift = std::max(sum.max_drift, part.max_drift);
 }
 
-/// Stands for the block of a box that is in none.
-constexpr std::uint32_t kNoBlock = 0xFFFFFFFF;
-
-/// Where blocks are in the layout.
-class BlockNumbers {
- public:
-  explicit BlockNumbers(const GridLayout& layout) : row_(layout.blocks[0]), rows_(layout.blocks[1]) {
-    for (std::size_t plane = 0; plane < 6; ++plane) shift_[plane] = layout.shift[plane % 3];
-  }
-
-  /// The lower and the upper corner of the blocks of a range of cells that is not empty.
-  struct Corners {
-    std::uint32_t at[6];
-    [[nodiscard]] bool several() const { return ((at[0] ^ at[3]) | (at[1] ^ at[4]) | (at[2] ^ at[5])) != 0; }
-  };
-  [[nodiscard]] Corners corners(const PackedRange& range) const {
-    Corners corners;
-    for (std::size_t plane = 0; plane < 6; ++plane)
-      corners.at[plane] = std::uint32_t(range[plane]) >> shift_[plane];
-    return corners;
-  }
-  [[nodiscard]] std::uint32_t first(const Corners& corners) const {
-    return number(corners.at[0], corners.at[1], corners.at[2]);
-  }
-  /// Calls visit(block) for all but the first.
-  template <class Visit>
-  void for_each_other(const Corners& corners, const Visit& visit) const {
-    const std::uint32_t* const at = corners.at;
-    const std::uint32_t first_block = first(corners);
-    for (std::uint32_t z = at[2]; z <= at[5]; ++z)
-      for (std::uint32_t y = at[1]; y <= at[4]; ++y)
-        for (std::uint32_t x = at[0]; x <= at[3]; ++x)
-          if (const std::uint32_t block = number(x, y, z); block != first_block) visit(block);
-  }
-
- private:
-  [[nodiscard]] std::uint32_t number(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
-    return (z * rows_ + y) * row_ + x;
-  }
-
-  std::uint32_t row_, rows_;
-  std::uint32_t shift_[6];  ///< log2 of a block's cells, by the numbers of a PackedRange
-};
-
 /// A counting sort without atomics: one histogram per task, so that the order within a block is that of the
 /// ids whatever the threads do.
 class Sort {
@@ -83,10 +37,9 @@ class Sort {
   Sort(const GridLayout& layout, const BoxTable& boxes)
       : layout_(layout),
         boxes_(boxes),
-        numbers_(layout),
         filing_(layout),
         tasks_(task_count(boxes.size(), layout.block_count())),
-        first_block_(std::make_unique_for_overwrite<std::uint32_t[]>(boxes.size())) {}
+        first_block_(std::make_unique_for_overwrite<std::uint32_t[]>(boxes.size() + kChunk)) {}
 
   /// Counts every task's instances by block.
   void count() {
@@ -148,41 +101,22 @@ class Sort {
       const std::size_t size = std::min(kChunk, boxes_.size() - first);
       if (first + size < begin(k + 1))
         for (const InstanceBox& next : boxes_.chunk(first + size)) __builtin_prefetch(&next);
-      count_chunk(task, first, boxes_.chunk(first).first(size));
+      count_chunk(task, first, boxes_.chunk(first).data(), size);
     }
   }
 
   /// First one block of each box, then the others of those that are in several, since whether a box is in one
   /// alone is guessed wrong time and again.
-  void count_chunk(Task& task, std::size_t first, std::span<const InstanceBox> boxes) {
-    PackedRange ranges[kChunk];
-    filing_.find_ranges(boxes, ranges, task.summary.bounds);
+  void count_chunk(Task& task, std::size_t first, const InstanceBox* chunk, std::size_t size) {
+    BlockFiling::Corners corners;
+    std::uint32_t* const first_block = first_block_.get() + first;
+    std::uint64_t in_several = filing_.file(chunk, size, first_block, corners, task.summary);
     std::uint32_t* const counts = task.next.data();
-    std::uint64_t in_several = 0, references = 0;
-    std::size_t reachable = 0, filed = 0;
-    float max_drift = task.summary.max_drift;
-    for (std::size_t k = 0; k < boxes.size(); ++k) {
-      const PackedRange& range = ranges[k];
-      reachable += std::size_t(!boxes[k].bounds.empty());
-      first_block_[first + k] = kNoBlock;
-      if (range[0] > range[3]) continue;
-      ++filed;
-      max_drift = std::max(max_drift, boxes[k].drift);
-      references += std::uint64_t(range[3] - range[0] + 1) * std::uint64_t(range[4] - range[1] + 1) *
-                    std::uint64_t(range[5] - range[2] + 1);
-      const BlockNumbers::Corners corners = numbers_.corners(range);
-      const std::uint32_t block = numbers_.first(corners);
-      first_block_[first + k] = block;
-      ++counts[block];
-      in_several |= std::uint64_t(corners.several()) << k;
-    }
-    task.summary.reachable += reachable;
-    task.summary.filed += filed;
-    task.summary.references += references;
-    task.summary.max_drift = max_drift;
+    for (std::size_t k = 0; k < size; ++k)
+      if (first_block[k] != kNoBlock) ++counts[first_block[k]];
     for (; in_several != 0; in_several &= in_several - 1) {
       const auto k = std::size_t(std::countr_zero(in_several));
-      numbers_.for_each_other(numbers_.corners(ranges[k]), [&](std::uint32_t block) {
+      filing_.for_each_other(corners, k, [&](std::uint32_t block) {
         ++counts[block];
         task.others.push_back({block, std::uint32_t(first + k)});
       });
@@ -191,12 +125,10 @@ class Sort {
 
   const GridLayout& layout_;
   const BoxTable& boxes_;
-  BlockNumbers numbers_;
-  BoxFiling filing_;
+  BlockFiling filing_;
   std::vector<Task> tasks_;
-  std::unique_ptr<std::uint32_t[]> first_block_;  ///< by id
+  std::unique_ptr<std::uint32_t[]> first_block_;  ///< by id, for whole chunks
 };
-static_assert(kChunk <= 64, "a bit of each box of a chunk");
 
 }  // namespace
 

@@ -4,19 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/tlas/grid_layout.h"
+#include "core/tlas/block_filing.h"
 
 namespace gridcast::tlas {
-
-/// What filing boxes in a grid shows of all of them.
-struct FilingSummary {
-  Bounds3d bounds;               ///< of all boxes
-  std::size_t reachable = 0;     ///< boxes that are not empty
-  std::size_t filed = 0;         ///< of these, inside the grid
-  std::uint64_t references = 0;  ///< boxes counted once per cell that lists them
-  double crowding = 0.0;         ///< sum over the blocks of the square of how many boxes each lists
-  float max_drift = 0.F;         ///< of the boxes that are filed
-};
 
 /// Instances by the blocks that they reach into.
 class BlockLists {

@@ -6,7 +6,6 @@
 #include "core/tlas/box_filing.h"
 
 #include <algorithm>
-#include <bit>
 #include <cstring>
 
 #include <hwy/foreach_target.h>  // must come before highway.h
@@ -15,7 +14,6 @@
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::tlas::HWY_NAMESPACE {
 
-constexpr auto kNoRange = std::bit_cast<PackedRange>(CellRange{});
 static_assert(sizeof(InstanceBox) == 56 && sizeof(Bounds3f) == 24 && sizeof(CellRange) == 12);
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -34,33 +32,27 @@ class FiledBox {
     const V pad = hn::Set(d, double(box.drift) * planes.reach + planes.slack);
     bool inside = true;
     for (std::size_t k = 0, plane = 0; k < kVectors; ++k, plane += hn::Lanes(d)) {
-      plain_[k] = load(box, plane);
       const V outward = hn::Load(d, planes.outward + plane);
-      room_[k] = plain_[k] + outward * pad;
+      room_[k] = load(box, plane) + outward * pad;
       inside &= hn::AllTrue(d, hn::Le(outward * room_[k], hn::Load(d, planes.border + plane)));
     }
     inside_ = inside;
   }
 
   [[nodiscard]] HWY_INLINE bool inside() const { return inside_; }
-  [[nodiscard]] HWY_INLINE V plain(std::size_t k) const { return plain_[k]; }
 
-  /// Writes the numbers of a PackedRange, and nothing or what means nothing to the two behind.
-  HWY_INLINE void write_range(std::uint16_t* cells) const {
+  [[nodiscard]] HWY_INLINE CellRange range() const {
     const D d;
     const hn::Rebind<std::int32_t, D> i;
     const hn::Rebind<std::uint16_t, D> u;
+    alignas(16) std::uint16_t cells[8];
     for (std::size_t k = 0, plane = 0; k < kVectors; ++k, plane += hn::Lanes(d)) {
       V index = (room_[k] - hn::Load(d, planes_.origin + plane)) * hn::Load(d, planes_.inverse_cell + plane);
       index = hn::Min(hn::Max(index, hn::Zero(d)), hn::Load(d, planes_.last_cell + plane));
       hn::StoreU(hn::DemoteTo(u, hn::DemoteTo(i, index)), u, cells + plane);
     }
-  }
-  [[nodiscard]] HWY_INLINE PackedRange range() const {
-    alignas(16) std::uint16_t cells[8];
-    write_range(cells);
-    PackedRange range;
-    std::memcpy(range.data(), cells, sizeof range);
+    CellRange range;
+    std::memcpy(&range, cells, sizeof range);
     return range;
   }
 
@@ -85,46 +77,9 @@ class FiledBox {
   }
 
   const BoxFiling::Planes& planes_;
-  V plain_[kVectors], room_[kVectors];
+  V room_[kVectors];
   bool inside_;
 };
-
-void find_ranges(const BoxFiling::Planes& planes, std::span<const InstanceBox> boxes, PackedRange* ranges,
-                 Bounds3d& bounds) {
-  const D d;
-  V least[kVectors], most[kVectors];
-  for (std::size_t k = 0; k < kVectors; ++k) {
-    least[k] = hn::Set(d, hwy::HighestValue<double>());
-    most[k] = hn::Neg(least[k]);
-  }
-  bool any = false;
-  for (std::size_t b = 0; b < boxes.size(); ++b) {
-    if (boxes[b].bounds.empty()) {
-      ranges[b] = kNoRange;
-      continue;
-    }
-    const FiledBox box(planes, boxes[b]);
-    any = true;
-    for (std::size_t k = 0; k < kVectors; ++k) {
-      least[k] = hn::Min(least[k], box.plain(k));
-      most[k] = hn::Max(most[k], box.plain(k));
-    }
-    if (!box.inside()) {
-      ranges[b] = kNoRange;
-    } else if (b + 1 < boxes.size()) {
-      box.write_range(ranges[b].data());  // what follows is written next
-    } else {
-      ranges[b] = box.range();
-    }
-  }
-  if (!any) return;
-  alignas(64) double lower[8], upper[8];
-  for (std::size_t k = 0; k < kVectors; ++k) {
-    hn::Store(least[k], d, lower + k * hn::Lanes(d));
-    hn::Store(most[k], d, upper + k * hn::Lanes(d));
-  }
-  bounds.extend(Bounds3d{{lower[0], lower[1], lower[2]}, {upper[3], upper[4], upper[5]}});
-}
 
 void make_records(const BoxFiling::Planes& planes, const BoxTable& boxes, std::span<const std::uint32_t> ids,
                   BoxRecord* records) {
@@ -135,14 +90,14 @@ void make_records(const BoxFiling::Planes& planes, const BoxTable& boxes, std::s
     __builtin_prefetch(&ahead);
     __builtin_prefetch(&ahead.drift);
     const InstanceBox& box = boxes[ids[k]];
-    PackedRange range = kNoRange;
+    CellRange range;
     Bounds3f local;
     if (!box.bounds.empty()) {
       const FiledBox filed(planes, box);
       if (filed.inside()) range = filed.range();
       filed.write_local_box(local);
     }
-    records[k] = {local, ids[k], std::bit_cast<CellRange>(range)};
+    records[k] = {local, ids[k], range};
   }
 }
 
@@ -152,7 +107,6 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace gridcast::tlas {
 
-HWY_EXPORT(find_ranges);
 HWY_EXPORT(make_records);
 
 BoxFiling::BoxFiling(const GridLayout& layout) {
@@ -171,10 +125,6 @@ BoxFiling::BoxFiling(const GridLayout& layout) {
   }
   planes_.reach = layout.reach;
   planes_.slack = layout.slack;
-}
-
-void BoxFiling::find_ranges(std::span<const InstanceBox> boxes, PackedRange* ranges, Bounds3d& bounds) const {
-  HWY_DYNAMIC_DISPATCH(find_ranges)(planes_, boxes, ranges, bounds);
 }
 
 void BoxFiling::make_records(const BoxTable& boxes, std::span<const std::uint32_t> ids,

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -9,16 +8,11 @@
 
 namespace gridcast::tlas {
 
-/// A CellRange as it lies in memory, for arrays that are not written before they are filled.
-using PackedRange = std::array<std::uint16_t, 6>;
-
-/// Files boxes in the cells of a grid, many at once: GridLayout::range_of and local_box bit for bit.
+/// Makes the records of boxes in a grid, many at once: GridLayout::range_of and local_box bit for bit.
 class BoxFiling {
  public:
   explicit BoxFiling(const GridLayout& layout);
 
-  /// ranges[k] is range_of(boxes[k]); `bounds` grows to hold the boxes that are not empty.
-  void find_ranges(std::span<const InstanceBox> boxes, PackedRange* ranges, Bounds3d& bounds) const;
   /// records[k] is that of the instance ids[k]. The box of one with an empty range means nothing.
   void make_records(const BoxTable& boxes, std::span<const std::uint32_t> ids, BoxRecord* records) const;
 

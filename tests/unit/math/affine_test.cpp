@@ -129,5 +129,22 @@ TEST(AffineNormal, a_mirror_keeps_the_side_of_the_winding_and_sizes_do_not_matte
   }
 }
 
+// It was of condition 1, its normals were zero, and rays left the range of the exact arithmetic.
+TEST(AffineNormal, what_is_flattened_beyond_the_range_of_rays_is_not_active) {
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double scale : {0x1p-142, 0x1p-144, 1e-200, 1e-308}) {
+      Mat3d linear(1.0);
+      linear[axis][axis] = scale;
+      const InstanceTransform transform(Affine{linear, Vec3d(1.0)});
+      ASSERT_EQ(transform.active(), scale == 0x1p-142) << scale;
+      if (!transform.active()) continue;
+      for (const double size : {0x1p-300, 1.0, 0x1p300}) {
+        const Vec3d normal = transform.normal_to_world(Vec3d(size));
+        EXPECT_NEAR(glm::length(normal), 1.0, 1e-15);
+        EXPECT_NEAR(normal[axis], 1.0, 1e-15);
+      }
+    }
+}
+
 }  // namespace
 }  // namespace gridcast

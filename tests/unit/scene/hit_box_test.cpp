@@ -38,6 +38,20 @@ TEST(MeshHull, nothing_of_the_mesh_lies_beyond_its_reach) {
   }
 }
 
+TEST(MeshHull, says_the_same_by_signs_as_by_numbers) {
+  const MeshHull hull = hull_of(test::soup(200, 3));
+  const MeshHull::BySigns& by_signs = hull.by_signs();
+  for (std::size_t signs = 0; signs < 8; ++signs) {
+    const int x = (signs & 1U) != 0 ? -1 : 1, y = (signs & 2U) != 0 ? -3 : 3, z = (signs & 4U) != 0 ? -9 : 9;
+    const int steps[3] = {x, y, z}, edges[3] = {y + z, x + z, x + y};
+    EXPECT_EQ(by_signs.corners[signs], hull.along(x + y + z));
+    for (int axis = 0; axis < 3; ++axis) {
+      EXPECT_EQ(by_signs.faces[axis][signs], hull.along(steps[axis]));
+      EXPECT_EQ(by_signs.edges[axis][signs], hull.along(edges[axis]));
+    }
+  }
+}
+
 TEST(MeshHull, is_within_an_eighth_of_a_sphere_where_its_box_is_up_to_three_quarters_off) {
   test::Random random(test::seed_or(62));
   const MeshHull hull = hull_of(test::icosphere(4));

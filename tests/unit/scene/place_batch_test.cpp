@@ -16,7 +16,7 @@ MeshHull hull_of(const mesh::TriangleMesh& mesh) {
   return MeshHull(mesh, mesh.bounds());
 }
 
-/// Good, mirrored, nearly singular, singular, huge, tiny, not finite.
+/// Good, mirrored, nearly singular, singular, huge, tiny, flat, not finite.
 Affine awkward_affine(test::Random& random) {
   Affine affine{{random.direction(), random.direction(), random.direction()}, random.in_box(100.0)};
   affine.linear *= std::exp2(random.uniform(-3.0, 3.0));
@@ -40,6 +40,7 @@ Affine awkward_affine(test::Random& random) {
   // Ties of components, where the order of the axes is a matter of choice.
   if (kind == 8) affine.linear = Mat3d(glm::dmat3(random.below(2) == 0 ? 2.0 : -1.0));
   if (kind == 9) affine.linear[1][0] = affine.linear[0][0];
+  if (kind == 10) affine.linear[c] *= std::exp2(random.uniform(-700.0, 0.0));
   return affine;
 }
 
