@@ -80,9 +80,9 @@ class Mover {
   static constexpr std::size_t kMovesAhead = 64;
 
  public:
-  Mover(const OrderedMoves& moves, const std::vector<MeshHull>& hulls, InstanceTable& instances,
-        tlas::BoxTable& boxes, MoveOutcome& outcome)
-      : moves_(moves), hulls_(hulls), instances_(instances), boxes_(boxes), outcome_(outcome) {}
+  Mover(const OrderedMoves& moves, const Scene& scene, InstanceTable& instances, tlas::BoxTable& boxes,
+        MoveOutcome& outcome)
+      : moves_(moves), scene_(scene), instances_(instances), boxes_(boxes), outcome_(outcome) {}
 
   /// Moves [begin, end), if their ids ascend and are below `limit`. Writes to no chunk but of these.
   void run(std::size_t begin, std::size_t end, std::uint64_t limit) {
@@ -140,7 +140,7 @@ class Mover {
     for (std::size_t k = begin; k < end; ++k) {
       if (k + PlaceBatch::kSize < end) ask_to_write(ids[k + PlaceBatch::kSize]);
       ask_to_read(k + kMovesAhead);
-      batch_.add(moves_[k].world_from_object, hulls_[instances_.slot(ids[k]).mesh_id], transform(ids[k]),
+      batch_.add(moves_[k].world_from_object, scene_.hull(instances_.slot(ids[k]).mesh_id), transform(ids[k]),
                  box(ids[k]));
       if (batch_.size() == PlaceBatch::kSize || k + 1 == end) place(k + 1);
     }
@@ -188,7 +188,7 @@ class Mover {
   }
 
   const OrderedMoves& moves_;
-  const std::vector<MeshHull>& hulls_;
+  const Scene& scene_;
   InstanceTable& instances_;
   tlas::BoxTable& boxes_;
   MoveOutcome& outcome_;
@@ -198,7 +198,7 @@ class Mover {
 };
 
 /// Whether the ids ascend comes out on the way, since asking first would be a pass over all of the moves.
-void move_in_order(const OrderedMoves& moves, const std::vector<MeshHull>& hulls, InstanceTable& instances,
+void move_in_order(const OrderedMoves& moves, const Scene& scene, InstanceTable& instances,
                    tlas::BoxTable& boxes, MoveOutcome& outcome) {
   const std::vector<std::size_t> borders =
       part_borders(moves.size(), [&](std::size_t k) { return moves.id(k); });
@@ -207,7 +207,7 @@ void move_in_order(const OrderedMoves& moves, const std::vector<MeshHull>& hulls
   if (!outcome.ascending) return;
   for_each_part(borders, [&](std::size_t begin, std::size_t end) {
     const std::uint64_t limit = end < moves.size() ? moves.id(end) : std::uint64_t(kInvalidId) + 1;
-    Mover(moves, hulls, instances, boxes, outcome).run(begin, end, limit);
+    Mover(moves, scene, instances, boxes, outcome).run(begin, end, limit);
   });
 }
 
@@ -230,12 +230,12 @@ Status SceneEditor::move_instances(std::span<const MoveInstance> moves) {
   OrderedMoves ordered(moves);
   MoveOutcome outcome;
   outcome.ids.resize(moves.size());
-  move_in_order(ordered, scene_->hulls_, scene_->instances_, boxes(), outcome);
+  move_in_order(ordered, *scene_, scene_->instances_, boxes(), outcome);
   if (!outcome.ascending) {
     // What was written is written again, since it is the same instances that move.
     outcome.ascending = true;
     outcome.first_wrong = ordered.sort();
-    move_in_order(ordered, scene_->hulls_, scene_->instances_, boxes(), outcome);
+    move_in_order(ordered, *scene_, scene_->instances_, boxes(), outcome);
   }
   if (outcome.first_wrong != kNone) return why_wrong(scene(), moves, outcome.first_wrong);
   if (moved_.empty()) {

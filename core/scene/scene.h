@@ -29,7 +29,7 @@ class Scene {
 
   [[nodiscard]] std::size_t mesh_count() const { return blas_.size(); }
   [[nodiscard]] const blas::Blas& blas(std::uint32_t mesh_id) const { return blas_[mesh_id]; }
-  [[nodiscard]] const MeshHull& hull(std::uint32_t mesh_id) const { return hulls_[mesh_id]; }
+  [[nodiscard]] const MeshHull& hull(std::uint32_t mesh_id) const { return *hulls_[mesh_id]; }
   [[nodiscard]] std::size_t instance_slots() const { return instances_.size(); }
   [[nodiscard]] std::size_t instance_count() const { return live_instances_; }
   /// None for an id out of range or a removed instance, which leaves a dead slot: ids are never reused.
@@ -72,7 +72,7 @@ class Scene {
   std::uint64_t version_ = 1;
   blas::BuildOptions blas_options_;  ///< for meshes added later
   std::vector<blas::Blas> blas_;
-  std::vector<MeshHull> hulls_;  ///< one per mesh
+  std::vector<std::shared_ptr<const MeshHull>> hulls_;  ///< one per mesh
   InstanceTable instances_;
   ChunkedVector<AddedName, 64> added_names_;  ///< ascending by id
   /// In place of the names that instances came with; null where none has another.

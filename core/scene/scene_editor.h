@@ -32,13 +32,13 @@ class SceneEditor {
   void set_pose(std::shared_ptr<const Pose> pose) { scene_->pose_ = std::move(pose); }
   void set_blas_options(const blas::BuildOptions& options) { scene_->blas_options_ = options; }
   void add_mesh(blas::Blas blas) {
-    scene_->hulls_.emplace_back(blas.mesh(), blas.bounds());
+    scene_->hulls_.push_back(std::make_shared<MeshHull>(blas.mesh(), blas.bounds()));
     scene_->blas_.push_back(std::move(blas));
   }
   /// Same triangle count as before. Different meshes may be set from different threads. The caller updates
   /// the boxes of the mesh's instances (update_top_level).
   void set_mesh(std::uint32_t mesh_id, blas::Blas blas) {
-    scene_->hulls_[mesh_id] = MeshHull(blas.mesh(), blas.bounds());
+    scene_->hulls_[mesh_id] = std::make_shared<MeshHull>(blas.mesh(), blas.bounds());
     scene_->blas_[mesh_id] = std::move(blas);
   }
   /// Another tree over the same vertices.

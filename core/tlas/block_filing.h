@@ -35,9 +35,9 @@ class BlockFiling {
   struct Corners {
     std::uint32_t at[6][kChunk];
   };
-  /// Files the first `count` boxes of a chunk: writes the number of the block of the lower corner of each, or
-  /// kNoBlock, and in what it writes for the others of the chunk is no sense. Adds all but `crowding` to
-  /// `summary`. Returns a bit for each box that is in several blocks.
+  /// Files the first `count` boxes of a whole chunk: writes the number of the block of the lower corner of
+  /// each, or kNoBlock, to `first_block`, which has room for a chunk and keeps nothing behind `count`. Adds
+  /// all but `crowding` to `summary`. Returns a bit for each box that is in several blocks.
   [[nodiscard]] std::uint64_t file(const InstanceBox* chunk, std::size_t count, std::uint32_t* first_block,
                                    Corners& corners, FilingSummary& summary) const;
   /// Calls visit(block) for all blocks of box k but that of its lower corner.

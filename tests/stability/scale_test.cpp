@@ -174,7 +174,7 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
   Row row(23, 2000);
   ExactSubject::Seen seen;
   const MeshSource source = generated("jittered_icosphere 2 23");
-  std::vector<std::pair<Affine, bool>> cases;  // and whether it is singular beyond doubt
+  std::vector<std::pair<Affine, bool>> cases;  // and whether it is singular or out of range beyond doubt
   test::Random turns(23);
   for (int k = 0; k <= 16; ++k) {
     const Mat3d rotation = scene::random_affine(turns, 0.0, 1.0).linear;
@@ -184,6 +184,9 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
     if (k % 2 == 1 && k < 12)
       cases.push_back({flattened({rotation, Vec3d(1, 2, 3)}, std::pow(10.0, -k), turns), false});
   }
+  // Far from singular for what looks at the condition alone; rays keep within the range of the exact test.
+  for (const double side : {1e-30, 1e-42, 1e-50, 1e-200})
+    cases.push_back({{Mat3d(side, 0, 0, 0, 1, 0, 0, 0, 1), Vec3d(1, 2, 3)}, side < 1e-43});
   for (const Mat3d& rank : {Mat3d(1, 0, 0, 0, 1, 0, 0, 0, 0), Mat3d(1, 0, 0, 0, 0, 0, 0, 0, 0), Mat3d(0.0),
                             Mat3d(1, 2, 3, 2, 4, 6, 1, 1, 1)})
     cases.push_back({{rank, Vec3d(1, 2, 3)}, true});
