@@ -174,7 +174,12 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
   Row row(23, 2000);
   ExactSubject::Seen seen;
   const MeshSource source = generated("jittered_icosphere 2 23");
-  std::vector<std::pair<Affine, bool>> cases;  // and whether it is singular or out of range beyond doubt
+  struct Case {
+    Affine where;
+    bool singular;         // or out of range, beyond doubt
+    bool is_usual = true;  // counts for how often hits may differ
+  };
+  std::vector<Case> cases;
   test::Random turns(23);
   for (int k = 0; k <= 16; ++k) {
     const Mat3d rotation = scene::random_affine(turns, 0.0, 1.0).linear;
@@ -186,12 +191,12 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
   }
   // Far from singular for what looks at the condition alone; rays keep within the range of the exact test.
   for (const double side : {1e-30, 1e-42, 1e-50, 1e-200})
-    cases.push_back({{Mat3d(side, 0, 0, 0, 1, 0, 0, 0, 1), Vec3d(1, 2, 3)}, side < 1e-43});
+    cases.push_back({{Mat3d(side, 0, 0, 0, 1, 0, 0, 0, 1), Vec3d(1, 2, 3)}, side < 1e-43, false});
   for (const Mat3d& rank : {Mat3d(1, 0, 0, 0, 1, 0, 0, 0, 0), Mat3d(1, 0, 0, 0, 0, 0, 0, 0, 0), Mat3d(0.0),
                             Mat3d(1, 2, 3, 2, 4, 6, 1, 1, 1)})
     cases.push_back({{rank, Vec3d(1, 2, 3)}, true});
   const auto empty = scene::build_scene(scene_data({{source}, {}})).value();
-  for (const auto& [where, singular] : cases) {
+  for (const auto& [where, singular, is_usual] : cases) {
     const bool active = InstanceTransform(where).active();
     EXPECT_FALSE(active && singular);
     const auto added = scene::apply_update(*empty, {scene::AddInstance{0, where, ""}});
@@ -215,7 +220,7 @@ TEST(Stability, RC23_NearlyAndExactlySingularTransforms) {
     if (!active) {
       EXPECT_EQ(subject.seen().hits, 0U);
     }
-    seen += subject.seen();
+    if (is_usual) seen += subject.seen();
   }
   seen.tell("nearly singular");
   expect_usual(seen, 0.08);
