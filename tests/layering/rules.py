@@ -64,7 +64,7 @@ THIRD_PARTY = {
     "embree4/": ["core/blas/embree_tree.cpp", "core/measure/embree_yardstick.cpp"],
     "tbb/": TBB_USERS,
     "oneapi/tbb/": TBB_USERS,
-    "hwy/": ["core/math/", "core/blas/", "core/tlas/", "core/scene/geometric_normal.cpp", "core/scene/place_batch.cpp"],
+    "hwy/": ["core/math/", "core/blas/", "core/tlas/", "core/scene/geometric_normal.cpp", "core/scene/hull_lanes-inl.h", "core/scene/place_batch.cpp"],
     "tiny_gltf.h": ["core/io/"],
     "draco/": ["core/io/", "tests/unit/io/"],
     "meshoptimizer.h": ["core/io/", "tests/unit/io/"],
