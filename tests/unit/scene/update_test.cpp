@@ -273,7 +273,7 @@ TEST(SceneBuild, a_stopped_build_is_cancelled_and_progress_ends_at_one) {
   SceneData data = meshes_only();
   place(data, 0, {});
   SceneBuildOptions options;
-  double last = 0.0;
+  std::atomic<double> last = 0.0;  // progress comes from any thread
   options.progress = [&](double fraction) { last = fraction; };
   EXPECT_TRUE(build_scene(data, options).ok());
   EXPECT_EQ(last, 1.0);
