@@ -42,7 +42,6 @@ class TransformLanes {
 
   [[nodiscard]] HWY_INLINE const Matrix& linear() const { return linear_; }
   [[nodiscard]] HWY_INLINE const V (&translation() const)[3] { return translation_; }
-  [[nodiscard]] HWY_INLINE const Matrix& inverse() const { return inverse_; }
   [[nodiscard]] HWY_INLINE V round_trip_error() const { return error_; }
   /// row_sum_norm of the inverses.
   [[nodiscard]] HWY_INLINE V inverse_norm() const { return inverse_norm_; }

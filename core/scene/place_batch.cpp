@@ -12,6 +12,7 @@
 
 #include "core/math/transform_lanes-inl.h"
 #include "core/scene/hull_lanes-inl.h"
+#include "core/tlas/box_rows.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::scene::HWY_NAMESPACE {
@@ -33,12 +34,10 @@ HWY_INLINE V round_to_float(V x) {
   return hn::PromoteTo(d, hn::DemoteTo(f, x));
 }
 
-/// A box as the seven numbers that it takes in memory; the last is `drift` and padding.
-static_assert(sizeof(tlas::InstanceBox) == 7 * sizeof(double) &&
-              offsetof(tlas::InstanceBox, drift) == 6 * sizeof(double));
-using BoxRows = std::array<double*, kLanes>;
+/// tlas::BoxRows::of each box.
+using RowsOfBoxes = std::array<double*, kLanes>;
 
-HWY_INLINE void store_boxes(const V (&lower)[3], const V (&upper)[3], V drift, BoxRows rows) {
+HWY_INLINE void store_boxes(const V (&lower)[3], const V (&upper)[3], V drift, RowsOfBoxes rows) {
   const D d;
   const hn::Rebind<float, D> f;
   const hn::Rebind<std::uint32_t, D> u32;
@@ -46,12 +45,12 @@ HWY_INLINE void store_boxes(const V (&lower)[3], const V (&upper)[3], V drift, B
   const V last = hn::BitCast(d, hn::PromoteTo(u64, hn::BitCast(u32, hn::DemoteTo(f, drift))));
   store_rows(d, Four<D>{{lower[0], lower[1], lower[2], upper[0]}}, rows);
   // One of these once more: a whole row is one store.
-  for (double*& row : rows) row += 3;
+  for (double*& row : rows) row += tlas::BoxRows::kUpper;
   store_rows(d, Four<D>{{upper[0], upper[1], upper[2], last}}, rows);
 }
 
 template <class Hulls>
-HWY_INLINE void write_boxes(const TransformLanes& lanes, const Hulls& hulls, const BoxRows& rows) {
+HWY_INLINE void write_boxes(const TransformLanes& lanes, const Hulls& hulls, const RowsOfBoxes& rows) {
   const D d;
   const V size = hulls.magnitude();
   const V growth = hn::Set(d, 0x1p-17) * size + hn::Set(d, 0x1p-98);
@@ -87,12 +86,11 @@ std::uint32_t place(const PlaceBatch::Lanes& batch) {
   for (std::size_t first = 0; first < kSize; first += kLanes) {
     std::array<const double*, kLanes> from;
     std::array<double*, kLanes> to;
-    BoxRows boxes;
+    RowsOfBoxes boxes;
     for (std::size_t k = 0; k < kLanes; ++k) {
       from[k] = TransformRows::of(*batch.from[first + k]);
       to[k] = TransformRows::of(*batch.transforms[first + k]);
-      void* const box = batch.boxes[first + k];
-      boxes[k] = static_cast<double*>(box);
+      boxes[k] = tlas::BoxRows::of(*batch.boxes[first + k]);
     }
     const TransformLanes lanes(from);
     lanes.store(to);

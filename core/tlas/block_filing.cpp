@@ -12,6 +12,7 @@
 #include <hwy/highway.h>
 
 #include "core/math/lane_rows-inl.h"
+#include "core/tlas/box_rows.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace gridcast::tlas::HWY_NAMESPACE {
@@ -26,23 +27,16 @@ using I = hn::Rebind<std::int32_t, D>;
 constexpr std::size_t kLanes = hn::MaxLanes(D());
 static_assert(BlockFiling::kChunk % kLanes == 0);
 
-/// A box as the seven numbers that it takes in memory: lower, upper, and `drift` with padding.
-static_assert(sizeof(InstanceBox) == 7 * sizeof(double) &&
-              offsetof(InstanceBox, drift) == 6 * sizeof(double));
-
 /// Boxes, one in each lane.
 struct BoxLanes {
   V lower[3], upper[3], drift;
 
   HWY_INLINE explicit BoxLanes(const InstanceBox* boxes) {
     std::array<const double*, kLanes> rows;
-    for (std::size_t k = 0; k < kLanes; ++k) {
-      const void* const box = boxes + k;
-      rows[k] = static_cast<const double*>(box);
-    }
+    for (std::size_t k = 0; k < kLanes; ++k) rows[k] = BoxRows::of(boxes[k]);
     const D d;
     const Four<D> first = load_rows(d, rows);
-    for (const double*& row : rows) row += 3;
+    for (const double*& row : rows) row += BoxRows::kUpper;
     const Four<D> second = load_rows(d, rows);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       lower[axis] = first.v[axis];
